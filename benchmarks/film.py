@@ -20,7 +20,8 @@ from engine_bridge.character import examples
 from engine_bridge.character.materials import drawn_normals, materials_of
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.pictures.camera import Camera
-from engine_bridge.pictures.gpu_renderer import Floor, GpuRenderer, Stage
+from engine_bridge.pictures.gpu_renderer import GpuRenderer
+from engine_bridge.pictures.gpu_scene import Stage, Surroundings
 from engine_bridge.pictures.renderer import View, render
 
 SIZE = (1280, 720)
@@ -64,14 +65,15 @@ def measure_frame(folder: Path) -> None:
     camera = Camera(np.array([0.6, 1.4, 5.0]), np.array([0.0, 0.85, 0.0]), 30)
     with GpuRenderer(SIZE) as renderer:
         drawn = [renderer.add(character.parts, materials_of(character)) for _ in both]
-        behind = renderer.picture(np.full((2, 2, 4), 230, np.uint8))
+        grey = np.full((2, 2, 4), 230, np.uint8)
+        around = Surroundings(renderer.picture(grey), renderer.tile(grey))
         stage = Stage(np.zeros(3), 1.6, 1.7, 1.6)
 
         def draw() -> None:
             for _ in range(FRAMES_PER_ROUND):
                 for each, places in zip(drawn, both, strict=True):
                     each.move(places, normals)
-                renderer.draw(camera, stage, drawn, behind, Floor((0.7, 0.7, 0.7)))
+                renderer.draw(camera, stage, drawn, around)
 
         def draw_sheet() -> None:
             render(together, triangles, View.around(together, size=SIZE), SIZE)

@@ -18,10 +18,19 @@ FORMANTS = {"a": (730, 1090, 2440), "e": (530, 1840, 2480), "i": (270, 2290, 301
 """Resonances of vowels in hertz (Peterson and Barney 1952, men)."""
 
 SCENE = """\
-# Two characters, three shots: puppetline film film.toml -o film.mp4
+# Two characters, four shots: puppetline film film.toml -o film.mp4
 
 [film]
 seconds = 11.5
+fade_in = 0.5
+fade_out = 0.5
+
+[background]
+set = "meadow"
+
+[music]
+loop = "cheerful"
+gain = -20
 
 [[character]]
 name = "human"
@@ -53,28 +62,47 @@ fade_out = 0.5
 [[camera]]                  # a wide shot of everybody
 azimuth = 5
 
-[[camera]]                  # the dog sits, gives a paw and barks
+[[camera]]                  # the dog sits and gives a paw
 at = 4.2
-shot = "follow"
+shot = "over the shoulder"
 show = ["dog"]
-azimuth = 20
+behind = "human"
+
+[[camera]]                  # it barks
+at = 6.2
+shot = "close"
+show = ["dog"]
+fade = 0.4
 
 [[camera]]
 at = 8.6
 azimuth = -20
-elevation = 14
 
 [[title]]
 text = "The new dog"
 at = 0.4
 seconds = 2.6
 place = "top"
+font = "round"
+
+[[bubble]]
+character = "dog"
+text = "Woof!"
+at = 6.5
+seconds = 1.4
+
+[[bubble]]
+character = "human"
+text = "Good dog!"
+at = 9.0
+seconds = 1.3
 
 [[title]]
 text = "The end"
 at = 10.3
 seconds = 1.2
 place = "top"
+font = "round"
 """
 
 

@@ -24,6 +24,8 @@ class Actor:
     Parameters
     ----------
     table : CharacterTable
+    home : Place
+        Where it stands without a take.
     rig : Rig
     footing : Footing
     segments : sequence of Segment
@@ -32,13 +34,16 @@ class Actor:
     Attributes
     ----------
     name : str
+    color : str or None
+        By which its own colours are multiplied.
     rig : Rig
     footing : Footing
     """
 
-    def __init__(self, table: CharacterTable, rig: Rig, footing: Footing, segments: Sequence[Segment]) -> None:
-        self.name, self.rig, self.footing = table.name, rig, footing
-        self.home = Place(np.array([table.position[0], 0.0, table.position[1]]), table.turn)
+    def __init__(
+        self, table: CharacterTable, home: Place, rig: Rig, footing: Footing, segments: Sequence[Segment]
+    ) -> None:
+        self.name, self.color, self.home, self.rig, self.footing = table.name, table.color, home, rig, footing
         self.segments = segments
         self._begins = np.array([segment.begin for segment in segments])
         self._motion = CharacterMotion(rig)

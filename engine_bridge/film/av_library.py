@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from engine_bridge.pictures.gpu_renderer import INSTALL
+from engine_bridge.pictures.gpu_context import INSTALL
 from puppetline.errors import OutputError
 
 

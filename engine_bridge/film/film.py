@@ -1,9 +1,9 @@
 """Films as videos: frames are drawn, mixed with sound and written one by one."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -17,13 +17,19 @@ from engine_bridge.character.surfaces.surface import srgb_to_linear
 from engine_bridge.film import overlays
 from engine_bridge.film.actor import Actor
 from engine_bridge.film.av_library import require_av
-from engine_bridge.film.framing import Shots
+from engine_bridge.film.bubbles import Bubble
+from engine_bridge.film.framing import Shots, rectangle
+from engine_bridge.film.moods import MOODS
+from engine_bridge.film.painting import BOTTOM, PERIOD, TOP
 from engine_bridge.film.production import Production, Progress, produce
-from engine_bridge.film.scene import DEFAULT_FLOOR, Scene, SceneError, load
+from engine_bridge.film.scene import DEFAULT_SET, Scene, SceneError, load
+from engine_bridge.film.sets import SETS, panorama
 from engine_bridge.film.sound import SAMPLE_RATE, Mixer
 from engine_bridge.film.video import FORMATS, VideoWriter
 from engine_bridge.performance.channels import morph_weights
-from engine_bridge.pictures.gpu_renderer import SAMPLES, Drawn, Floor, GpuRenderer
+from engine_bridge.pictures.camera import Camera
+from engine_bridge.pictures.gpu_renderer import SAMPLES, Drawn, GpuRenderer
+from engine_bridge.pictures.gpu_scene import Overlay, Panorama, Surroundings
 from puppetline.errors import at
 from puppetline.files import check_one_of, written_whole
 from solver.model.binding import ShadedBinding
@@ -107,11 +113,15 @@ def make_video(
         renderer = opened.enter_context(GpuRenderer(size, samples))
         for number, title in enumerate(scene.title, 1):
             overlays.title(title, size, at(path, field=f"[[title]] {number}"), path.parent)
-        behind = renderer.picture(overlays.background(scene.background, size, path))
+        bubbles = [
+            Bubble(table, size, at(path, field=f"[[bubble]] {number}"), path.parent)
+            for number, table in enumerate(scene.bubble, 1)
+        ]
+        around = surroundings(scene, renderer, path)
         production = produce(path, scene, progress)
         part = _part(production, start, stop, draft, ending)
-        mixer = Mixer(production.sounds if FORMATS[ending].sound else (), path, production.seconds)
-        view = _View(production, renderer, behind, progress)
+        mixer = Mixer(production.sounds if FORMATS[ending].sound else (), path, production.seconds, scene.music)
+        view = _View(production, renderer, around, bubbles, progress)
         beside = opened.enter_context(written_whole(output))
         writer = opened.enter_context(
             VideoWriter(beside, size, production.fps / part.step, sound=bool(mixer), samples=view.samples(part, ending))
@@ -179,32 +189,69 @@ def _part(production: Production, start: float, stop: float | None, draft: bool,
     return Part(first, end, step)
 
 
+def surroundings(scene: Scene, renderer: GpuRenderer, path: Path) -> Surroundings:
+    """Return the background, the floor and the light of a scene file.
+
+    Raises
+    ------
+    SceneError
+        The picture cannot be opened.
+    """
+    chosen, color = scene.background.shown_set, scene.floor.color
+    painted = SETS[chosen or DEFAULT_SET]
+    background: moderngl.Texture | Panorama
+    if chosen is None:
+        background = renderer.picture(overlays.background(scene.background, renderer.size, path))
+    else:
+        background = Panorama(renderer.tile(panorama(chosen)), PERIOD, TOP, BOTTOM)
+    floor = None if scene.background.picture else painted.floor()
+    if color is not None:
+        floor = np.full((1, 1, 4), (*ImageColor.getrgb(color)[:3], 255), np.uint8)
+    tile = None if floor is None else renderer.tile(floor)
+    return Surroundings(background, tile, scene.floor.show, MOODS[scene.light.mood or painted.mood])
+
+
 class _View:
     """Draws frames of a production."""
 
     def __init__(
-        self, production: Production, renderer: GpuRenderer, behind: "moderngl.Texture", progress: Progress
+        self,
+        production: Production,
+        renderer: GpuRenderer,
+        around: Surroundings,
+        bubbles: Sequence[Bubble],
+        progress: Progress,
     ) -> None:
-        self._production, self._renderer, self._behind = production, renderer, behind
+        self._production, self._renderer, self._around, self._bubbles = production, renderer, around, bubbles
         self.device = renderer.device
-        boxes = production.boxes(progress)
-        self._shots = Shots(production.scene.camera, boxes, production.fps, renderer.size)
-        self._stage = production.stage(boxes)
+        self._extents = production.extents(progress)
+        self._shots = Shots(production.scene.camera, self._extents, production.fps, renderer.size)
+        self._stage = production.stage(self._extents)
         self._puppets = [_DrawnActor(actor, renderer) for actor in production.actors]
         self._titles: dict[int, moderngl.Texture] = {}
-        table = production.scene.floor
-        color = table.color or (None if production.scene.background.picture else DEFAULT_FLOOR)
-        self._floor = None
-        if table.show:
-            self._floor = Floor(None if color is None else linear_color(color))
 
     def draw(self, frame: int) -> NDArray[np.uint8]:
         """Return the pixels (h, w, 4) of a frame."""
         for each in self._puppets:
             each.move(frame)
-        camera, titles = self._shots.camera(frame), list(self._shown_titles(frame))
-        drawn = [each.drawn for each in self._puppets]
-        return self._renderer.draw(camera, self._stage, drawn, self._behind, self._floor, titles)
+        titles, drawn = list(self._shown_titles(frame)), [each.drawn for each in self._puppets]
+        cameras, brightness = self._shots.cameras(frame), self._brightness(frame)
+        shots = []
+        for camera, _ in cameras:
+            bubbles = list(self._shown_bubbles(frame, camera))
+            shots.append(self._renderer.draw(camera, self._stage, drawn, self._around, [*bubbles, *titles]))
+            for bubble in bubbles:
+                bubble.picture.release()
+        if len(shots) == 1 and brightness == 1:
+            return shots[0]
+        mixed = sum(np.float32(share * brightness) * shot for shot, (_, share) in zip(shots, cameras, strict=True))
+        return np.rint(mixed).astype(np.uint8)
+
+    def _brightness(self, frame: int) -> float:
+        """Return how bright a frame is while the film fades from or to black, from 0 to 1."""
+        table, fps, left = self._production.scene.film, self._production.fps, self._production.frames - 1 - frame
+        fades = (frame, table.fade_in), (left, table.fade_out)
+        return min([1.0, *(count / (fade * fps) for count, fade in fades if fade)])
 
     def samples(self, part: Part, ending: str) -> list[NDArray[np.uint8]]:
         """Return frames from all over a part, from which the colours of a .gif are chosen."""
@@ -214,16 +261,26 @@ class _View:
             self.draw(frame) for frame in np.linspace(part.first, part.end - 1, PALETTE_FRAMES).astype(int).tolist()
         ]
 
-    def _shown_titles(self, frame: int) -> "Iterator[tuple[moderngl.Texture, float]]":
+    def _shown_bubbles(self, frame: int, camera: Camera) -> Iterator[Overlay]:
+        for bubble in self._bubbles:
+            opacity, extent = bubble.opacity(frame / self._production.fps), self._extents[bubble.table.character]
+            if opacity > 0:
+                size = self._renderer.size
+                boxes = (extent.head[frame], extent.whole[frame])
+                head, body = ((rectangle(camera, box, size) / 2 + 0.5) * size for box in boxes)
+                pixels, place = bubble.draw(head, body)
+                yield Overlay(self._renderer.picture(pixels), opacity, place)
+
+    def _shown_titles(self, frame: int) -> Iterator[Overlay]:
         scene, path = self._production.scene, self._production.path
         for number, table in enumerate(scene.title):
-            opacity = overlays.opacity(table, frame / self._production.fps)
+            opacity = overlays.fading(frame / self._production.fps, table.at, table.seconds, table.fade)
             if opacity > 0:
                 if number not in self._titles:
                     where = at(path, field=f"[[title]] {number + 1}")
                     pixels = overlays.title(table, self._renderer.size, where, path.parent)
                     self._titles[number] = self._renderer.picture(pixels)
-                yield self._titles[number], opacity
+                yield Overlay(self._titles[number], opacity)
             elif number in self._titles:
                 self._titles.pop(number).release()
 
@@ -240,7 +297,9 @@ class _DrawnActor:
         self._rest = self._binding.rest
         names = {morph.target for morph in rig.puppet.morph}
         self._targets = {name: own_targets.displacements(character, name) for name in names}
-        self.drawn: Drawn = renderer.add(character.parts, materials_of(character))
+        tint = np.array([*linear_color(actor.color or "white"), 1.0])
+        materials = [replace(each, color=each.color * tint) for each in materials_of(character)]
+        self.drawn: Drawn = renderer.add(character.parts, materials)
 
     def move(self, frame: int) -> None:
         """Show its pose at a frame."""

@@ -50,7 +50,7 @@ def make_document(path: Path, output: Path, progress: Progress) -> FilmSummary:
     check_output(output, path)
     scene = load(path)
     production = produce(path, scene, progress)
-    production.boxes(progress)
+    production.extents(progress)
     film = Document(empty(), name=output.name)
     film.gltf["scenes"], film.gltf["scene"] = [{"nodes": []}], 0
     animation: Animation = {"name": path.stem, "channels": [], "samplers": []}

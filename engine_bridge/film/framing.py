@@ -1,6 +1,8 @@
 """Framing: where the cameras of a film are, so that what they show stays in the picture."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -15,6 +17,34 @@ HEAD_ROOM, SIDE_ROOM = 0.09, 0.06
 FOLLOWING_SECONDS = 0.7
 """Time constant with which a camera follows, in seconds: the standard deviation of a Gaussian filter."""
 
+AZIMUTHS = (15.0, -15.0, 30.0, -30.0, 45.0, -45.0, 60.0, -60.0)
+"""Directions in degrees, of which the first one with the best view is used if a camera has none."""
+
+COMPARED_FRAMES = 12
+"""Number of frames of a shot in which views are compared."""
+
+
+class Extent(NamedTuple):
+    """Where a character is in each of F frames, in metres.
+
+    Attributes
+    ----------
+    whole : (F, 2, 3) float64
+        Lower and upper corner of a box around it.
+    upper : (F, 2, 3) float64
+        The same around its upper half, which contains its head and raised hands.
+    head : (F, 2, 3) float64
+        The same around its head.
+    """
+
+    whole: NDArray[np.float64]
+    upper: NDArray[np.float64]
+    head: NDArray[np.float64]
+
+    def part(self, frames: slice) -> "Extent":
+        """Return some of the frames."""
+        return Extent(*(boxes[frames] for boxes in self))
+
 
 class Shots:
     """The cameras of a film.
@@ -22,57 +52,151 @@ class Shots:
     Parameters
     ----------
     tables : sequence of CameraTable
-        In the order of their times; none for one still camera.
-    boxes : dict of str to (F, 2, 3) float64
-        Lower and upper corners of each character in each frame, metres.
+        In the order of their times; none for one wide shot.
+    extents : mapping of str to Extent
+        Of each character.
     fps : float
     size : tuple of 2 ints
         Width and height of the picture; only their ratio counts.
     """
 
     def __init__(
-        self, tables: Sequence[CameraTable], boxes: dict[str, NDArray[np.float64]], fps: float, size: tuple[int, int]
+        self, tables: Sequence[CameraTable], extents: Mapping[str, Extent], fps: float, size: tuple[int, int]
     ) -> None:
         tables = tables or (CameraTable(),)
         self._begins = np.array([round(table.at * fps) for table in tables])
-        frames = len(next(iter(boxes.values())))
-        ends = [*self._begins[1:], frames]
+        self._fades = [0, *(round(table.fade * fps) for table in tables[1:])]
+        frames = len(next(iter(extents.values())).whole)
+        ends = [begin + fade for begin, fade in zip(self._begins[1:], self._fades[1:], strict=True)]
         # the first camera is there from the beginning
         parts = [
-            slice(min(begin, frames - 1), max(end, begin + 1)) for begin, end in zip([0, *ends[:-1]], ends, strict=True)
+            slice(min(begin, frames - 1), max(min(end, frames), begin + 1))
+            for begin, end in zip([0, *self._begins[1:]], [*ends, frames], strict=True)
         ]
-        self._cameras = [_Shot(table, boxes, part, fps, size) for table, part in zip(tables, parts, strict=True)]
+        self._shots = [
+            _best_shot(table, {name: each.part(part) for name, each in extents.items()}, part.start, fps, size)
+            for table, part in zip(tables, parts, strict=True)
+        ]
 
-    def camera(self, frame: int) -> Camera:
-        """Return the camera at a frame."""
-        return self._cameras[max(int(np.searchsorted(self._begins, frame, side="right")) - 1, 0)].camera(frame)
+    def cameras(self, frame: int) -> list[tuple[Camera, float]]:
+        """Return the camera at a frame, or during a cross-fade both, with their shares."""
+        number = max(int(np.searchsorted(self._begins, frame, side="right")) - 1, 0)
+        into, fade, camera = frame - self._begins[number], self._fades[number], self._shots[number].camera(frame)
+        if into >= fade:
+            return [(camera, 1.0)]
+        share = float((into + 1) / (fade + 1))
+        return [(self._shots[number - 1].camera(frame), 1 - share), (camera, share)]
 
 
 class _Shot:
     """One camera, in some frames."""
 
     def __init__(
-        self, table: CameraTable, boxes: dict[str, NDArray[np.float64]], part: slice, fps: float, size: tuple[int, int]
+        self, table: CameraTable, extents: Mapping[str, Extent], first: int, fps: float, size: tuple[int, int]
     ) -> None:
-        shown = np.stack([each[part] for name, each in boxes.items() if not table.show or name in table.show])
+        behind = _behind(table, extents)
+        names = [name for name in extents if (name in table.show or not table.show) and name != behind]
+        self._first, self._field = first, table.field_of_view
+        self.shown, self.others = names, [name for name in extents if name not in names]
+        boxes = [extents[name].upper if table.shot == "close" else extents[name].whole for name in names]
+        if behind is not None:
+            boxes.append(extents[behind].upper)
+        shown = np.stack(boxes)
         low, high = shown[:, :, 0].min(axis=0), shown[:, :, 1].max(axis=0)
-        self._first, self._field = part.start, table.field_of_view
         middle = (low + high) / 2
-        if table.shot == "follow":
+        self._way = np.zeros_like(middle)
+        if table.shot in ("follow", "close"):
             self._way = scipy.ndimage.gaussian_filter1d(middle, FOLLOWING_SECONDS * fps, axis=0, mode="nearest")
-            self._way[:, 1] = 0  # the camera does not nod with every step
-        else:
-            self._way = np.zeros_like(middle)
-        azimuth, elevation = np.radians([table.azimuth, table.elevation])
-        towards = np.array(
-            [np.sin(azimuth) * np.cos(elevation), np.sin(elevation), np.cos(azimuth) * np.cos(elevation)]
-        )
-        corners = np.stack([np.where(np.array(bits, bool), high, low) for bits in np.ndindex(2, 2, 2)]) - self._way
-        self._target, self._eye = framed(corners.reshape(-1, 3), towards, table.field_of_view, size, table.zoom)
+            if table.shot == "follow":
+                self._way[:, 1] = 0  # the camera does not nod with every step
+        azimuth = table.azimuth or 0.0
+        if table.shot == "over the shoulder":
+            azimuth += 180.0 if behind is None else _direction(_middle(extents[behind]) - middle.mean(axis=0))
+        self.towards = _towards(azimuth, table.elevation)
+        corners = np.concatenate([_corners(box - self._way[:, None]) for box in shown])
+        self._target, self._eye = framed(corners, self.towards, table.field_of_view, size, table.zoom)
 
     def camera(self, frame: int) -> Camera:
         way = self._way[min(max(frame - self._first, 0), len(self._way) - 1)]
         return Camera(self._eye + way, self._target + way, self._field)
+
+
+def _best_shot(
+    table: CameraTable, extents: Mapping[str, Extent], first: int, fps: float, size: tuple[int, int]
+) -> _Shot:
+    """Return a shot from the given direction, or from the first one in which others are least in the way."""
+    if table.azimuth is not None:
+        return _Shot(table, extents, first, fps, size)
+    shots = []
+    for azimuth in AZIMUTHS:
+        shots.append(_Shot(table.model_copy(update={"azimuth": azimuth}), extents, first, fps, size))
+        if not shots[-1].others:
+            break
+    return min(shots, key=lambda shot: _flaws(shot, extents, first, size))
+
+
+def _flaws(shot: _Shot, extents: Mapping[str, Extent], first: int, size: tuple[int, int]) -> float:
+    """Return in how many frames others are in front of what is shown, or have a head that the picture's edge cuts."""
+    count, flaws = len(next(iter(extents.values())).whole), 0.0
+    for frame in np.unique(np.linspace(0, count - 1, COMPARED_FRAMES).astype(int)):
+        camera = shot.camera(first + frame)
+        rectangles = [rectangle(camera, extents[name].whole[frame], size) for name in shot.shown]
+        near = min(_depth(camera, extents[name].whole[frame]) for name in shot.shown)
+        for name in shot.others:
+            body, head = (rectangle(camera, box[frame], size) for box in (extents[name].whole, extents[name].head))
+            inside = float(np.prod(np.maximum(np.minimum(head[1], 1) - np.maximum(head[0], -1), 0)))
+            flaws += 0 < inside < 0.999 * float(np.prod(head[1] - head[0]))
+            if _depth(camera, extents[name].whole[frame]) < near:
+                flaws += sum(_covered(each, body) for each in rectangles)
+    return flaws
+
+
+def _covered(area: NDArray[np.float64], cover: NDArray[np.float64]) -> float:
+    """Return the share of a rectangle that another one covers, both with a lower and an upper corner (2, 2)."""
+    common = np.maximum(np.minimum(area[1], cover[1]) - np.maximum(area[0], cover[0]), 0)
+    return float(np.prod(common) / np.prod(area[1] - area[0]))
+
+
+def rectangle(camera: Camera, box: NDArray[np.float64], size: tuple[int, int]) -> NDArray[np.float64]:
+    """Return the upper left and lower right corner (2, 2) that a box (2, 3) has in a picture, which is from -1 to 1."""
+    clip = np.pad(_corners(box[None]), ((0, 0), (0, 1)), constant_values=1) @ camera.matrix(size).astype(np.float64)
+    places = clip[:, :2] / np.maximum(clip[:, 3:], 1e-3)
+    return np.array([places.min(axis=0), places.max(axis=0)])
+
+
+def _depth(camera: Camera, box: NDArray[np.float64]) -> float:
+    """Return how far a box (2, 3) is from the eye."""
+    return float(np.linalg.norm(box.mean(axis=0) - camera.eye))
+
+
+def _behind(table: CameraTable, extents: Mapping[str, Extent]) -> str | None:
+    """Return the character over whose shoulder a shot looks; None for other shots, and for a character alone."""
+    others = [name for name in extents if name not in table.show]
+    if table.shot != "over the shoulder" or len(extents) < 2 or not others:
+        return None
+    shown = np.mean([_middle(extents[name]) for name in extents if name in table.show or not table.show], axis=0)
+    return table.behind or min(others, key=lambda name: float(np.linalg.norm(_middle(extents[name]) - shown)))
+
+
+def _middle(extent: Extent) -> NDArray[np.float64]:
+    middle: NDArray[np.float64] = extent.whole.mean(axis=(0, 1))
+    return middle
+
+
+def _direction(way: NDArray[np.float64]) -> float:
+    """Return the azimuth of a direction (3,), in degrees."""
+    return float(np.degrees(np.arctan2(way[0], way[2])))
+
+
+def _towards(azimuth: float, elevation: float) -> NDArray[np.float64]:
+    """Return the unit vector (3,) from what is shown towards the camera, for angles in degrees."""
+    a, e = np.radians([azimuth, elevation])
+    return np.array([np.sin(a) * np.cos(e), np.sin(e), np.cos(a) * np.cos(e)])
+
+
+def _corners(boxes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the eight corners (8 n, 3) of boxes (n, 2, 3)."""
+    return np.concatenate([boxes[:, bits, range(3)] for bits in product((0, 1), repeat=3)])
 
 
 def framed(

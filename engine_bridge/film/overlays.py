@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageColor, ImageDraw, ImageOps
 
-from engine_bridge.film.scene import DEFAULT_BACKGROUND, BackgroundTable, SceneError, TitleTable
+from engine_bridge.film.scene import BackgroundTable, SceneError, TitleTable
 from engine_bridge.film.typeface import typeface
 from puppetline.errors import at
 
@@ -18,7 +18,7 @@ OUTLINE = 0.06
 
 
 def background(table: BackgroundTable, size: tuple[int, int], scene: Path) -> NDArray[np.uint8]:
-    """Return the picture (h, w, 4) behind everything.
+    """Return the picture (h, w, 4) behind everything, if it is not a set.
 
     Raises
     ------
@@ -36,7 +36,7 @@ def background(table: BackgroundTable, size: tuple[int, int], scene: Path) -> ND
                 expected="a picture, such as .png or .jpg, relative to the scene file",
                 fix="Correct the path, or save the picture again.",
             ) from error
-    top, bottom = table.colors or ((table.color, table.color) if table.color else DEFAULT_BACKGROUND)
+    top, bottom = table.colors or (table.color or "black",) * 2
     share = np.linspace(0, 1, size[1])[:, None]
     colors = (1 - share) * ImageColor.getrgb(top)[:3] + share * ImageColor.getrgb(bottom)[:3]
     column = np.rint(np.column_stack([colors, np.full(size[1], 255)])).astype(np.uint8)
@@ -73,7 +73,7 @@ def title(table: TitleTable, size: tuple[int, int], where: str, folder: Path) ->
     return np.asarray(image)
 
 
-def opacity(table: TitleTable, time: float) -> float:
-    """Return how visible a title is at a time of the film, from 0 to 1."""
-    inside = min(time - table.at, table.at + table.seconds - time)
-    return float(np.clip(inside / table.fade, 0.0, 1.0)) if table.fade else float(inside >= 0)
+def fading(time: float, begin: float, seconds: float, fade: float) -> float:
+    """Return how visible something is at a time of the film, from 0 to 1, if it appears and disappears in a fade."""
+    inside = min(time - begin, begin + seconds - time)
+    return float(np.clip(inside / fade, 0.0, 1.0)) if fade else float(inside >= 0)

@@ -1,6 +1,6 @@
 """A scene that is ready to be shown: its characters with their motion, and the space that they need."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -9,18 +9,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.film.actor import Actor
-from engine_bridge.film.scene import Scene, SoundTable, check_exists
-from engine_bridge.film.takes import Footing, PlayedTake, SolvedTake, played_take, segments_of, solve_take, sound_table
+from engine_bridge.film.framing import Extent
+from engine_bridge.film.scene import CharacterTable, Scene, SoundTable, check_exists
+from engine_bridge.film.takes import (
+    Footing,
+    Place,
+    PlayedTake,
+    SolvedTake,
+    played_take,
+    segments_of,
+    solve_take,
+    sound_table,
+)
 from engine_bridge.performance.frame_store import evenly
 from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.performance.settings import Settings
-from engine_bridge.pictures.gpu_renderer import Stage
+from engine_bridge.pictures.gpu_scene import Stage
 from puppetline.errors import PuppetlineError, at
 from solver.model.binding import Binding
 from solver.motion.deformer import to_file_units
 
 MEASURED_VERTICES = 400
 """Approximate number of vertices of a character that are measured in each frame."""
+
+UPPER_SHARE, CROWN_SHARE = 0.45, 0.85
+"""The upper half of a character: what is at most this share of its height below its highest point, and what is above
+the other share of its height at rest, its head."""
+
+GAP_METRES = 0.3
+"""Space between characters that stand side by side."""
 
 Progress = Callable[[str, float], None]
 
@@ -60,31 +77,38 @@ class Production:
         """Length of the film."""
         return self.frames / self.fps
 
-    def boxes(self, progress: Progress) -> dict[str, NDArray[np.float64]]:
-        """Return the lower and upper corner of each character in each frame, (F, 2, 3) in metres.
+    def extents(self, progress: Progress) -> dict[str, Extent]:
+        """Return where each character is in each frame.
 
         A character whose feet are not held on the floor is placed so that it does not sink below it.
         """
         measured = {}
         for number, actor in enumerate(self.actors):
-            binding = Binding.of_solver_mesh(actor.rig.model, actor.rig.mesh).only(_measured(actor.rig))
-            boxes = np.empty((self.frames, 2, 3))
+            chosen = _measured(actor.rig)
+            binding = Binding.of_solver_mesh(actor.rig.model, actor.rig.mesh).only(chosen)
+            up = actor.rig.mesh.vertices[chosen] @ actor.footing.basis[1]
+            crown = up > up.min() + CROWN_SHARE * np.ptp(up)
+            whole, upper, head = np.empty((3, self.frames, 2, 3))
             for frame in range(self.frames):
                 vertices = binding.vertices(to_file_units(actor.pose(frame).R, actor.rig.model))
                 linear = actor.to_stage(frame)
                 placed = vertices @ linear[:3] + linear[3]
-                boxes[frame] = placed.min(axis=0), placed.max(axis=0)
+                whole[frame] = placed.min(axis=0), placed.max(axis=0)
+                above = placed[crown | (placed[:, 1] > whole[frame, 1, 1] - UPPER_SHARE * actor.footing.height)]
+                upper[frame] = above.min(axis=0), above.max(axis=0)
+                head[frame] = placed[crown].min(axis=0), placed[crown].max(axis=0)
                 progress("Framing", (number + (frame + 1) / self.frames) / len(self.actors))
             if not actor.stands:
-                lowest = float(boxes[:, 0, 1].min())
+                lowest = float(whole[:, 0, 1].min())
                 actor.footing.low += lowest / actor.footing.scale
-                boxes[:, :, 1] -= lowest
-            measured[actor.name] = boxes
+                for boxes in (whole, upper, head):
+                    boxes[..., 1] -= lowest
+            measured[actor.name] = Extent(whole, upper, head)
         return measured
 
-    def stage(self, boxes: dict[str, NDArray[np.float64]]) -> Stage:
+    def stage(self, extents: Mapping[str, Extent]) -> Stage:
         """Return the space of all motion."""
-        everything = np.concatenate(list(boxes.values()))
+        everything = np.concatenate([extent.whole for extent in extents.values()])
         low, high = everything[:, 0].min(axis=0), everything[:, 1].max(axis=0)
         size = max(actor.footing.height for actor in self.actors)
         radius = max(float(np.hypot(*(high - low)[[0, 2]])) / 2, size / 2, 1e-6)
@@ -111,6 +135,9 @@ def produce(path: Path, scene: Scene, progress: Progress) -> Production:
         if puppet not in rigs:
             progress(f"Preparing {table.name}", 0.0)
             rigs[puppet] = load_rig(puppet)
+    footings = [Footing(table.height, rigs[path.parent / table.puppet]) for table in scene.character]
+    for table, footing, home in zip(scene.character, footings, _homes(scene.character, footings), strict=True):
+        puppet = path.parent / table.puppet
         rig, played = rigs[puppet], list[PlayedTake]()
         for number, take in enumerate(scene.take, 1):
             if take.character != table.name or take.mute:
@@ -126,8 +153,8 @@ def produce(path: Path, scene: Scene, progress: Progress) -> Production:
                 played.append(played_take(number, take, solved[key], scene.film.fps, path))
             except PuppetlineError as error:  # the rest is played
                 errors.append(error)
-        footing = Footing(table, rig)
-        actors.append(Actor(table, rig, footing, segments_of(table, played, footing, scene.film.fps, path)))
+        segments = segments_of(table.name, home, played, footing, scene.film.fps, path)
+        actors.append(Actor(table, home, rig, footing, segments))
     if errors and not any(actor.segments for actor in actors):
         raise errors[0]
     notes += [f"A take is left out. {error}" for error in errors]
@@ -137,6 +164,20 @@ def produce(path: Path, scene: Scene, progress: Progress) -> Production:
     own = (sound_table(segment, scene.film.fps) for actor in actors for segment in actor.segments)
     sounds = (*scene.sound, *(table for table in own if table is not None))
     return Production(path, scene, actors, frames, sounds, tuple(notes))
+
+
+def _homes(tables: Sequence[CharacterTable], footings: Sequence[Footing]) -> list[Place]:
+    """Return where each character stands; those without a position stand side by side, around the middle."""
+    spans = [footing.span(table.turn) for table, footing in zip(tables, footings, strict=True)]
+    row = [number for number, table in enumerate(tables) if table.position is None]
+    right = -(sum(spans[number][1] - spans[number][0] for number in row) + GAP_METRES * (len(row) - 1)) / 2
+    homes = []
+    for table, (low, high) in zip(tables, spans, strict=True):
+        x, z = table.position or (right - low, 0.0)
+        if table.position is None:
+            right += high - low + GAP_METRES
+        homes.append(Place(np.array([x, 0.0, z]), table.turn))
+    return homes
 
 
 def _measured(rig: Rig) -> NDArray[np.int64]:

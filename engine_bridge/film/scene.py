@@ -94,11 +94,14 @@ class FilmTable(Table):
 
 
 class CharacterTable(Table):
-    """[[character]]: a puppet, where it stands (metres to the right and to the front), its height and its colour."""
+    """[[character]]: a puppet, where it stands (metres to the right and to the front), its height and its colour.
+
+    Characters without a position stand side by side.
+    """
 
     name: Text
     puppet: Text
-    position: Place = (0.0, 0.0)
+    position: Place | None = None
     turn: Number = 0.0
     height: Annotated[Number, Field(gt=0)] | None = None
     color: Color | None = None
@@ -167,21 +170,19 @@ class CameraTable(Table):
     """[[camera]]: a shot, from a time of the film until the next one; its distance follows from what it shows.
 
     `fade` is the length of the cross-fade from the shot before it, which begins with it. `behind` is the character over
-    whose shoulder it looks, by default the nearest one to those that are shown.
+    whose shoulder it looks, by default the nearest one to those that are shown. Without an azimuth, it looks from where
+    the other characters are least in the way.
     """
 
     at: Seconds = 0.0
     shot: Literal["wide", "close", "follow", "over the shoulder"] = "wide"
     show: tuple[Text, ...] = ()
     behind: Text | None = None
-    azimuth: Annotated[Number, Field(ge=-360, le=360)] = 15.0
-    elevation: Annotated[Number, Field(ge=0, le=89)] = 8.0
+    azimuth: Annotated[Number, Field(ge=-360, le=360)] | None = None
+    elevation: Annotated[Number, Field(ge=0, le=89)] = 4.0
     field_of_view: Annotated[Number, Field(ge=5, le=120)] = 30.0
     zoom: Annotated[Number, Field(gt=0, le=20)] = 1.0
     fade: Fade = 0.0
-
-
-DEFAULT_FLOOR, DEFAULT_BACKGROUND = "#dedbd5", ("#bcd0ea", "#ece7df")
 
 
 class FloorTable(Table):
@@ -197,6 +198,9 @@ class LightTable(Table):
     mood: Mood | None = None
 
 
+DEFAULT_SET: Set = "studio"
+
+
 class BackgroundTable(Table):
     """[background]: a set, a colour, two colours from top to bottom, or a picture that covers the frame."""
 
@@ -209,6 +213,11 @@ class BackgroundTable(Table):
     def _check_one(self) -> Self:
         _check_at_most_one(self, "set", "color", "colors", "picture")
         return self
+
+    @property
+    def shown_set(self) -> Set | None:
+        """The set, by default `DEFAULT_SET`; None for colours and pictures."""
+        return None if self.color or self.colors or self.picture else self.set or DEFAULT_SET
 
 
 class _TextTable(Table):

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import repeat
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.film.av_library import require_av
-from engine_bridge.film.scene import SceneError, SoundTable, check_exists
+from engine_bridge.film.music import piece
+from engine_bridge.film.scene import MusicTable, SceneError, SoundTable, check_exists
 from puppetline.errors import at
 
 SAMPLE_RATE = 48_000
@@ -26,6 +28,7 @@ class Mixer:
         Scene file; names of sound files are relative to it.
     seconds : float
         Length of the film.
+    music : MusicTable
 
     Attributes
     ----------
@@ -35,13 +38,21 @@ class Mixer:
         Sentences for the user about files.
     """
 
-    def __init__(self, tables: Sequence[SoundTable], scene: Path, seconds: float) -> None:
+    def __init__(
+        self, tables: Sequence[SoundTable], scene: Path, seconds: float, music: MusicTable | None = None
+    ) -> None:
         self.notes, self._tracks = list[str](), list[_Track]()
         for number, table in enumerate(tables, 1):
             if not table.mute:
                 with self._noted():
-                    where = at(scene, field=f"[[sound]] {number}, file")
-                    self._tracks.append(_Track(table, scene.parent / table.file, where, seconds))
+                    blocks, length = decoded(scene.parent / table.file, at(scene, field=f"[[sound]] {number}, file"))
+                    self._tracks.append(_Track(table, blocks, seconds if length is None else length, seconds))
+        if music is not None and (music.loop or music.file):
+            with self._noted():
+                table = SoundTable(
+                    file=music.file or str(music.loop), gain=music.gain, fade_in=music.fade_in, fade_out=music.fade_out
+                )
+                self._tracks.append(_Track(table, _repeated(music, scene), seconds, seconds))
         self._position = 0
         self.peak = 0.0
 
@@ -76,13 +87,12 @@ class Mixer:
 class _Track:
     """A part of a sound file on the film's clock."""
 
-    def __init__(self, table: SoundTable, path: Path, where: str, seconds: float) -> None:
-        self._path, self._where = path, where
+    def __init__(self, table: SoundTable, blocks: Iterator[NDArray[np.float32]], length: float, seconds: float) -> None:
         self._begin = round(table.at * SAMPLE_RATE)
         self._gain = np.float32(10 ** (table.gain / 20))
-        self._blocks, length = decoded(path, where)
+        self._blocks = blocks
         end = seconds - table.at + table.start
-        end = min(each for each in (end, table.stop, length) if each is not None)
+        end = min(end, length, length if table.stop is None else table.stop)
         self._count = max(round((end - table.start) * SAMPLE_RATE), 0)
         self._fades = table.fade_in * SAMPLE_RATE, table.fade_out * SAMPLE_RATE
         self._left = np.zeros((0, 2), np.float32)
@@ -116,6 +126,25 @@ class _Track:
             self._left = np.concatenate([self._left, block[dropped:]])
         taken, self._left = self._left[:count], self._left[count:]
         return taken
+
+
+def _repeated(music: MusicTable, scene: Path) -> Iterator[NDArray[np.float32]]:
+    """Return the samples of music without end; a file that has none ends at once."""
+    if music.loop is not None:
+        return repeat(piece(music.loop))
+    path, where = scene.parent / str(music.file), at(scene, field="[music], file")
+    first, _ = decoded(path, where)
+
+    def blocks() -> Iterator[NDArray[np.float32]]:
+        again, heard = first, True
+        while heard:
+            heard = False
+            for block in again:
+                heard = heard or len(block) > 0
+                yield block
+            again, _ = decoded(path, where)
+
+    return blocks()
 
 
 def decoded(path: Path, where: str) -> tuple[Iterator[NDArray[np.float32]], float | None]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from capture.sensors.recorded_video import read_recording
 from capture.sound import is_wav
 from capture.timeline import choose
-from engine_bridge.film.scene import CharacterTable, SceneError, SoundTable, TakeTable
+from engine_bridge.film.scene import SceneError, SoundTable, TakeTable
 from engine_bridge.performance.channels import sound_of
 from engine_bridge.performance.clip import solve, timeline_of
 from engine_bridge.performance.motion import SolvedMotion
@@ -109,11 +109,14 @@ class Footing:
 
     Parameters
     ----------
-    table : CharacterTable
+    height : float or None
+        Metres; None for the height of the puppet file.
     rig : Rig
 
     Attributes
     ----------
+    basis : (3, 3) float64
+        Rows are the mesh's directions of the character's left, up and front.
     scale : float
         Metres per mesh unit.
     low : float
@@ -122,12 +125,17 @@ class Footing:
         Metres.
     """
 
-    def __init__(self, table: CharacterTable, rig: Rig) -> None:
-        self.basis = rig.puppet.character.basis
-        up = rig.character.vertices @ self.basis[1]
+    def __init__(self, height: float | None, rig: Rig) -> None:
+        self.basis, self._vertices = rig.puppet.character.basis, rig.character.vertices
+        up = self._vertices @ self.basis[1]
         self.low, tall = float(up.min()), float(np.ptp(up))
-        self.scale = rig.puppet.character.scale if table.height is None else table.height / max(tall, 1e-12)
+        self.scale = rig.puppet.character.scale if height is None else height / max(tall, 1e-12)
         self.height = self.scale * tall
+
+    def span(self, turn: float) -> tuple[float, float]:
+        """Return how far the character reaches to the left and to the right of its origin at rest, in metres."""
+        x = self._vertices @ self.linear(turn)[:, 0]
+        return float(x.min()), float(x.max())
 
     def linear(self, turn: float) -> NDArray[np.float64]:
         """Return the map (3, 3) of row vectors from mesh units to metres on the stage, after a turn in degrees."""
@@ -186,7 +194,7 @@ def sound_table(segment: Segment, fps: float) -> SoundTable | None:
 
 
 def segments_of(
-    table: CharacterTable, takes: Sequence[PlayedTake], footing: Footing, fps: float, scene: Path
+    name: str, home: Place, takes: Sequence[PlayedTake], footing: Footing, fps: float, scene: Path
 ) -> list[Segment]:
     """Put the takes of one character on the film's clock.
 
@@ -195,7 +203,10 @@ def segments_of(
 
     Parameters
     ----------
-    table : CharacterTable
+    name : str
+        Of the character.
+    home : Place
+        Where the first take without a position begins.
     takes : sequence of PlayedTake
     footing : Footing
     fps : float
@@ -219,18 +230,17 @@ def segments_of(
             if last is not None and begin <= last.begin:
                 raise SceneError(
                     at(scene, field=f"[[take]] {number}, at"),
-                    found=f"{begin / fps:g} s, which is not after the take of {table.name!r} before it",
+                    found=f"{begin / fps:g} s, which is not after the take of {name!r} before it",
                     expected="the takes of a character in the order of their times",
                     fix="Correct the times, or change the order of the tables.",
                 )
             position = take.position if repetition == 0 or last is None else None
-            turn = take.turn if take.turn is not None else table.turn if last is None else last.place.turn
+            turn = take.turn if take.turn is not None else home.turn if last is None else last.place.turn
             segment = Segment(solved.motion, begin, first, end, fade, Place(np.zeros(3), turn), sound)
             if position is None and last is not None:
                 place = last.root_on_stage(begin, footing) - segment.root_on_stage(begin, footing)
             else:
-                x, z = table.position if position is None else position
-                place = np.array([x, 0.0, z])
+                place = home.position if position is None else np.array([position[0], 0.0, position[1]])
             made.append(replace(segment, place=Place(place * [1, 0, 1], turn)))
     return [
         segment if after is None else replace(segment, fade=min(segment.fade, after.begin - segment.begin))

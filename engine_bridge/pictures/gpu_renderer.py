@@ -3,8 +3,8 @@
 The extra ``film`` installs ModernGL. Rows of images run from top to bottom, because the projection is turned over.
 """
 
-import sys
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import product
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
@@ -16,9 +16,9 @@ from engine_bridge.character.character import Part
 from engine_bridge.character.materials import Appearance
 from engine_bridge.pictures import gpu_shaders as shaders
 from engine_bridge.pictures.camera import Camera, orthographic
-from engine_bridge.pictures.lighting import KEY, SKY
-from engine_bridge.pictures.renderer import BOUNCE, CLAY
-from puppetline.errors import OutputError
+from engine_bridge.pictures.gpu_context import make_context
+from engine_bridge.pictures.gpu_scene import Overlay, Panorama, Stage, Surroundings
+from engine_bridge.pictures.renderer import CLAY
 
 if TYPE_CHECKING:
     import moderngl
@@ -38,55 +38,17 @@ OUTER_SAMPLES, KEY_SAMPLES, SKY_SAMPLES = 5, 10, 8
 PENUMBRA, SKY_PENUMBRA = 0.018, 0.09
 """Radii of the soft edges of the shadows of the key light and of the sky, as shares of `Stage.size`."""
 
-KEY_DIRECTION = np.array([-0.42, 0.78, 0.46]) / np.linalg.norm([-0.42, 0.78, 0.46])
-"""Direction towards the key light: over the audience's left shoulder."""
-
 FINE_SHARE = 0.02
 """Side of triangles, as a share of their character's size, up to which light is computed at vertices."""
 
 LIFT = 0.006
 """Distance off a surface from which light is looked up, as a share of `Stage.size`; nearer, it would shade itself."""
 
-FLOOR_REACH = 9.0
-"""Radius of the visible floor, as a multiple of the radius of the stage."""
+FLOOR_REACH, FLOOR_TILE = 9.0, 1.6
+"""Radius of the visible floor in radii of the stage, and width of its repeated picture in units of `Stage.size`."""
 
 CLIP_DISTANCE = 0x3000
 """OpenGL's name of the plane at which surfaces are cut off, the floor."""
-
-NO_WINDOW: tuple[dict[str, Any], ...] = ({"backend": "egl"}, {}) if sys.platform == "linux" else ({},)
-"""How a context without a window is made, in the order in which the ways are tried."""
-
-INSTALL = (
-    "Install it: pip install 'puppetline[film]'. On Debian without a display, also: apt install libegl1 libgl1-mesa-dri"
-)
-
-
-@dataclass(frozen=True)
-class Stage:
-    """The space in which everything moves, for lights and floor.
-
-    Attributes
-    ----------
-    center : (3,) float64
-        On the floor, metres.
-    radius : float
-        Of the circle on the floor that contains all motion.
-    height : float
-        Of the highest point.
-    size : float
-        Height of a typical character, to which the softness of shadows is proportional.
-    """
-
-    center: NDArray[np.float64]
-    radius: float
-    height: float
-    size: float
-
-
-class Floor(NamedTuple):
-    """A floor of a linear RGB colour; without one, it shows shadows only."""
-
-    color: tuple[float, float, float] | None
 
 
 class DrawnPart(NamedTuple):
@@ -132,10 +94,12 @@ class GpuRenderer:
     """
 
     def __init__(self, size: tuple[int, int], samples: int = SAMPLES) -> None:
-        self.context = ctx = _context()
+        self.context = ctx = make_context()
         self.size = size
         samples = min(samples, ctx.max_samples) if samples > 1 else 0
         self._frame = ctx.framebuffer([ctx.renderbuffer(size, 4)])
+        self._behind = ctx.framebuffer([ctx.renderbuffer(size, 4)])
+        self._is_behind: tuple[object, ...] = ()
         # only surfaces have edges, so only where they are a pixel has several samples
         self._samples = ctx.texture(size, 4, samples=samples)
         self._target = ctx.framebuffer([self._samples], ctx.depth_renderbuffer(size, samples=samples))
@@ -146,14 +110,17 @@ class GpuRenderer:
             self._light = self._light.replace(name, str(globals()[name]))
         self._shadow = ctx.program(shaders.SHADOW_VERTEX, shaders.SHADOW_FRAGMENT)
         self._surfaces: dict[tuple[bool, ...], moderngl.Program] = {}
-        self._floor = ctx.program(shaders.FLOOR_VERTEX, shaders.FLOOR_FRAGMENT.replace("LIGHT\n", self._light))
+        shadowed = shaders.FLOOR_SHADOW_FRAGMENT.replace("LIGHT\n", self._light)
+        self._floor = ctx.program(shaders.FLOOR_VERTEX, shaders.FLOOR_FRAGMENT)
+        self._floor_shadow = ctx.program(shaders.FLOOR_VERTEX, shadowed)
+        self._panorama = ctx.program(shaders.PANORAMA_VERTEX, shaders.PANORAMA_FRAGMENT)
         self._picture = ctx.program(shaders.PICTURE_VERTEX, shaders.PICTURE_FRAGMENT)
         resolving = shaders.RESOLVE_FRAGMENT.replace("SAMPLER", "sampler2DMS" if samples else "sampler2D")
         self._resolve = ctx.program(shaders.PICTURE_VERTEX, resolving.replace("COUNT", str(max(samples, 1))))
+        _set(self._resolve, "place", (0.0, 0.0, 1.0, 1.0))
         corners = ctx.buffer(np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]], np.float32))
-        self._floor_quad = ctx.vertex_array(self._floor, [(corners, "2f", "corner")])
-        self._picture_quad = ctx.vertex_array(self._picture, [(corners, "2f", "corner")])
-        self._resolve_quad = ctx.vertex_array(self._resolve, [(corners, "2f", "corner")])
+        programs = self._floor, self._floor_shadow, self._panorama, self._picture, self._resolve
+        self._quads = {program: ctx.vertex_array(program, [(corners, "2f", "corner")]) for program in programs}
         self._textures: dict[int, moderngl.Texture] = {}
 
     def __enter__(self) -> Self:
@@ -244,9 +211,18 @@ class GpuRenderer:
         return self._textures[id(image)]
 
     def picture(self, pixels: NDArray[np.uint8]) -> "moderngl.Texture":
-        """Return an image (h, w, 4) that covers the frame, for `draw`."""
+        """Return an image (h, w, 4) for the background and overlays."""
         texture = self.context.texture(pixels.shape[1::-1], 4, np.ascontiguousarray(pixels).tobytes())
         texture.repeat_x = texture.repeat_y = False
+        return texture
+
+    def tile(self, pixels: NDArray[np.uint8]) -> "moderngl.Texture":
+        """Return an image (h, w, 4) that repeats, for `Surroundings`."""
+        import moderngl
+
+        texture = self.context.texture(pixels.shape[1::-1], 4, np.ascontiguousarray(pixels).tobytes())
+        texture.build_mipmaps()
+        texture.filter = moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR
         return texture
 
     def draw(
@@ -254,9 +230,8 @@ class GpuRenderer:
         camera: Camera,
         stage: Stage,
         surfaces: Sequence[Drawn],
-        background: "moderngl.Texture",
-        floor: Floor | None,
-        overlays: "Sequence[tuple[moderngl.Texture, float]]" = (),
+        around: Surroundings,
+        overlays: Sequence[Overlay] = (),
     ) -> NDArray[np.uint8]:
         """Draw a frame.
 
@@ -265,11 +240,8 @@ class GpuRenderer:
         camera : Camera
         stage : Stage
         surfaces : sequence of Drawn
-        background : moderngl.Texture
-            From `picture`.
-        floor : Floor or None
-        overlays : sequence of (moderngl.Texture, float)
-            Pictures over the frame, and their opacities.
+        around : Surroundings
+        overlays : sequence of Overlay
 
         Returns
         -------
@@ -281,18 +253,21 @@ class GpuRenderer:
         ctx = self.context
         ctx.front_face = "cw"  # the projection turns pictures over
         boxes = np.array([each.box for each in surfaces]).reshape(-1, 2, 3)
-        key = orthographic(KEY_DIRECTION, stage.center, stage.radius, stage.height)
+        lighting = around.lighting
+        towards = np.array(lighting.direction) / np.linalg.norm(lighting.direction)
+        key = orthographic(towards, stage.center, stage.radius, stage.height)
         sky = orthographic(np.array([0.0, 1.0, 0.0]), stage.center, stage.radius, stage.height)
         texels = PENUMBRA_TEXELS * 2 * float(key.half.max()) / (PENUMBRA * stage.size)
         key_size = next((each for each in SHADOW_SIZES if each >= texels), SHADOW_SIZES[-1])
         depths, _ = key_map = self._key_maps[key_size]
         lights = ("key", key, PENUMBRA, key_map), ("sky", sky, SKY_PENUMBRA, self._sky_map)
         # what is behind the floor is hidden
-        side = 0.0 if floor is None else float(np.sign(camera.eye[1]))
+        side = float(np.sign(camera.eye[1])) if around.has_floor else 0.0
         lift = LIFT * stage.size + 3 * float(key.half.max()) / depths.width
         matrix = camera.matrix(self.size)
         shared: dict[str, Any] = {"camera": matrix, "eye": camera.eye, "floor_side": side, "lift": lift}
-        shared |= {"key_direction": KEY_DIRECTION, "key_color": KEY, "sky_color": SKY, "ground_color": BOUNCE}
+        shared |= {"key_direction": towards, "key_color": lighting.key, "sky_color": lighting.sky}
+        shared["ground_color"] = lighting.ground
         ctx.enable_only(moderngl.DEPTH_TEST)
         for number, (name, light, penumbra, (depths, target)) in enumerate(lights, 1):
             target.use()
@@ -305,47 +280,96 @@ class GpuRenderer:
             shared |= {f"{name}_light": light.matrix, f"{name}_depths": number}
             shared[f"{name}_blur"] = penumbra * stage.size / (2 * light.half)
             shared[f"{name}_casters"] = (*(low + high) / 2, *(high - low) / 2)
-        for program in (*self._surfaces.values(), self._floor):
-            for uniform, value in shared.items():
+        floor = {"middle": stage.center, "reach": FLOOR_REACH * stage.radius, "tile": FLOOR_TILE * stage.size}
+        for program in (*self._surfaces.values(), self._floor, self._floor_shadow):
+            for uniform, value in (shared | floor).items():
                 _set(program, uniform, value)
-        self._frame.use()
-        ctx.enable_only(moderngl.BLEND)
-        self._show(background, 1.0)
-        if floor is not None:
-            _set(self._floor, "middle", stage.center)
-            _set(self._floor, "reach", FLOOR_REACH * stage.radius)
-            _set(self._floor, "color", floor.color or (0.0, 0.0, 0.0))
-            _set(self._floor, "shadows_only", floor.color is None)
-            self._floor_quad.render(moderngl.TRIANGLE_STRIP)
+        self._draw_around(camera, around, (matrix.tobytes(), stage, around))
+        if surfaces and around.has_floor:
+            self._draw_shadows(_shadows(boxes, towards, SKY_PENUMBRA * stage.size), matrix)
         if surfaces:
             self._draw_surfaces(surfaces, camera, _extent(boxes, matrix))
-        for texture, opacity in overlays:
-            self._show(texture, opacity)
+        for overlay in overlays:
+            self._show(overlay)
         pixels = np.frombuffer(self._frame.read(components=4), np.uint8)
         return pixels.reshape(self.size[1], self.size[0], 4)
+
+    def _draw_around(self, camera: Camera, around: Surroundings, seen: tuple[object, ...]) -> None:
+        """Draw the background and the floor, or copy them from before if the camera has not moved."""
+        import moderngl
+
+        if self._is_behind != seen:
+            self._is_behind = seen
+            self._behind.use()
+            self.context.enable_only(moderngl.BLEND)
+            if isinstance(around.background, Panorama):
+                self._show_panorama(camera, around.background)
+            else:
+                self._show(Overlay(around.background))
+            if around.has_floor and around.floor is not None:
+                around.floor.use(0)
+                _set(self._floor, "image", 0)
+                self._quads[self._floor].render(moderngl.TRIANGLE_STRIP)
+        self.context.copy_framebuffer(self._frame, self._behind)
+        self._frame.use()
+
+    def _show_panorama(self, camera: Camera, panorama: Panorama) -> None:
+        import moderngl
+
+        right, up, towards = camera.axes
+        slope = np.tan(np.radians(camera.field_of_view) / 2)
+        panorama.image.use(0)
+        values = {
+            "right": right * slope * self.size[0] / self.size[1],
+            "up": up * slope,
+            "ahead": -towards,
+            "image": 0,
+            "period": np.radians(panorama.period),
+            "elevations": np.radians([panorama.top, panorama.bottom]),
+        }
+        for name, value in values.items():
+            _set(self._panorama, name, value)
+        self._quads[self._panorama].render(moderngl.TRIANGLE_STRIP)
+
+    def _draw_shadows(self, boxes: NDArray[np.float32], matrix: NDArray[np.float32]) -> None:
+        """Darken the floor in boxes (n, 2, 3) on it."""
+        import moderngl
+
+        ctx: Any = self.context
+        ctx.enable_only(moderngl.BLEND)
+        ctx.blend_func = moderngl.ZERO, moderngl.SRC_COLOR
+        with self._within(self._frame, _extent(boxes, matrix)):
+            self._quads[self._floor_shadow].render(moderngl.TRIANGLE_STRIP)
+        ctx.blend_func = moderngl.DEFAULT_BLENDING
+
+    @contextmanager
+    def _within(self, frame: "moderngl.Framebuffer", extent: NDArray[np.float32]) -> Iterator[None]:
+        """Draw between two corners (2, 2) only, in shares of a frame."""
+        low, high = np.clip([np.floor(extent[0] * self.size), np.ceil(extent[1] * self.size)], 0, self.size).astype(int)
+        scissored: Any = frame
+        scissored.scissor = (*low.tolist(), *(high - low).tolist())
+        yield
+        scissored.scissor = None
 
     def _draw_surfaces(self, surfaces: Sequence[Drawn], camera: Camera, extent: NDArray[np.float32]) -> None:
         """Draw surfaces over the frame, between two corners (2, 2) in shares of it."""
         import moderngl
 
         ctx: Any = self.context
-        low, high = np.clip([np.floor(extent[0] * self.size), np.ceil(extent[1] * self.size)], 0, self.size).astype(int)
-        frames: tuple[Any, Any] = self._target, self._frame
-        for each in frames:
-            each.scissor = (*low.tolist(), *(high - low).tolist())
-        self._target.use()
-        self._target.clear()
-        ctx.enable_direct(CLIP_DISTANCE)
         ctx.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA  # opacity is in the colours already
-        for part in _in_order(surfaces, camera):
-            self._show_part(part)
-        ctx.disable_direct(CLIP_DISTANCE)
-        self._frame.use()
-        ctx.enable_only(moderngl.BLEND)
-        self._samples.use(0)
-        self._resolve_quad.render(moderngl.TRIANGLE_STRIP)
+        with self._within(self._target, extent):
+            self._target.use()
+            self._target.clear()
+            ctx.enable_direct(CLIP_DISTANCE)
+            for part in _in_order(surfaces, camera):
+                self._show_part(part)
+            ctx.disable_direct(CLIP_DISTANCE)
+        with self._within(self._frame, extent):
+            self._frame.use()
+            ctx.enable_only(moderngl.BLEND)
+            self._samples.use(0)
+            self._quads[self._resolve].render(moderngl.TRIANGLE_STRIP)
         ctx.blend_func = moderngl.DEFAULT_BLENDING
-        frames[1].scissor = None
 
     def _show_part(self, part: DrawnPart) -> None:
         import moderngl
@@ -363,13 +387,14 @@ class GpuRenderer:
         )
         part.array.render()
 
-    def _show(self, texture: "moderngl.Texture", opacity: float) -> None:
+    def _show(self, overlay: Overlay) -> None:
         import moderngl
 
-        texture.use(0)
+        overlay.picture.use(0)
         _set(self._picture, "image", 0)
-        _set(self._picture, "opacity", opacity)
-        self._picture_quad.render(moderngl.TRIANGLE_STRIP)
+        _set(self._picture, "opacity", overlay.opacity)
+        _set(self._picture, "place", overlay.place)
+        self._quads[self._picture].render(moderngl.TRIANGLE_STRIP)
 
 
 def _vertex_colors(material: Appearance) -> NDArray[np.float32]:
@@ -410,30 +435,17 @@ def _extent(boxes: NDArray[np.float32], matrix: NDArray[np.float32]) -> NDArray[
     return np.array([shares.min(axis=0), shares.max(axis=0)])
 
 
+def _shadows(boxes: NDArray[np.float32], towards: NDArray[np.float64], blur: float) -> NDArray[np.float32]:
+    """Return boxes (n, 2, 3) around the shadows of boxes on the floor, of a light and of the sky above."""
+    ways = boxes[:, 1, 1, None] * (towards / towards[1])
+    low = np.minimum(boxes[:, 0], boxes[:, 0] - ways) - blur
+    high = np.maximum(boxes[:, 1], boxes[:, 1] - ways) + blur
+    shadows: NDArray[np.float32] = np.stack([low, high], axis=1) * [1, 0, 1]
+    return shadows
+
+
 def _in_order(surfaces: Sequence[Drawn], camera: Camera) -> Iterator[DrawnPart]:
     """Yield what is opaque, the nearest surface first, and then what is transparent, the farthest first."""
     near = sorted(surfaces, key=lambda each: float(np.linalg.norm(each.box.mean(axis=0) - camera.eye)))
     yield from (part for each in near for part in each.parts if part.material.opacity != "BLEND")
     yield from (part for each in reversed(near) for part in each.parts if part.material.opacity == "BLEND")
-
-
-def _context() -> "moderngl.Context":
-    """Return a context without a window."""
-    try:
-        import moderngl
-    except ImportError:
-        raise OutputError(
-            "film", found="no ModernGL", expected="the extra film, which draws frames", fix=INSTALL
-        ) from None
-    reasons = []
-    for options in NO_WINDOW:
-        try:
-            return moderngl.create_context(standalone=True, require=330, **options)
-        except Exception as error:  # the library raises plain exceptions
-            reasons.append(str(error))
-    raise OutputError(
-        "film",
-        found=f"no graphics library with OpenGL 3.3 ({'; '.join(dict.fromkeys(reasons))})",
-        expected="a graphics card's driver, or Mesa",
-        fix="On Debian: apt install libegl1 libgl1-mesa-dri",
-    )

@@ -147,32 +147,66 @@ void main() {
 
 FLOOR_FRAGMENT = """
 #version 330
-LIGHT
 uniform vec3 middle;
 uniform float reach;
-uniform float lift;
-uniform vec3 color;
-uniform bool shadows_only;
+uniform float tile;
+uniform sampler2D image;
 in vec3 place;
 out vec4 shown;
 void main() {
     float far = length(place.xz - middle.xz) / reach;
     if (far > 1.0) discard;
-    float fade = 1.0 - smoothstep(0.25, 1.0, far);
+    shown = vec4(texture(image, place.xz / tile).rgb, 1.0 - smoothstep(0.25, 1.0, far));
+}
+"""
+
+FLOOR_SHADOW_FRAGMENT = """
+#version 330
+LIGHT
+in vec3 place;
+out vec4 shown;
+void main() {
+    // The floor casts no shadow, so it needs no lift; with one, whatever is lower than that would lose its shadow.
     vec3 full = key_direction.y * key_color + sky_color;
-    vec3 share = irradiance(place, vec3(0.0, 1.0, 0.0), lift) / full;
-    vec3 shade = encoded(shadows_only ? share : color * share);
-    shown = shadows_only ? vec4(0.0, 0.0, 0.0, fade * (1.0 - shade.g)) : vec4(shade, fade);
+    shown = vec4(encoded(irradiance(place, vec3(0.0, 1.0, 0.0), 0.0) / full), 1.0);
+}
+"""
+
+PANORAMA_VERTEX = """
+#version 330
+uniform vec3 right;
+uniform vec3 up;
+uniform vec3 ahead;
+in vec2 corner;
+out vec3 ray;
+void main() {
+    ray = ahead + corner.x * right - corner.y * up;
+    gl_Position = vec4(corner, 0.0, 1.0);
+}
+"""
+
+PANORAMA_FRAGMENT = """
+#version 330
+uniform sampler2D image;
+uniform float period;   // of the picture around, in radians
+uniform vec2 elevations;   // of its upper and lower edge
+in vec3 ray;
+out vec4 shown;
+void main() {
+    float around = atan(ray.x, -ray.z) / period;
+    float down = (elevations.x - atan(ray.y, length(ray.xz))) / (elevations.x - elevations.y);
+    shown = textureLod(image, vec2(0.5 + around, clamp(down, 0.001, 0.999)), 0.0);
 }
 """
 
 PICTURE_VERTEX = """
 #version 330
+uniform vec4 place;   // left, upper, right and lower edge, as shares of the frame
 in vec2 corner;
 out vec2 texel;
 void main() {
     texel = 0.5 + 0.5 * corner;
-    gl_Position = vec4(corner, 0.0, 1.0);
+    gl_Position = vec4(2.0 * mix(place.xy, place.zw, texel) - 1.0, 0.0, 1.0);
 }
 """
 

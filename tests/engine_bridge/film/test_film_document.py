@@ -54,7 +54,7 @@ def test_characters_are_where_their_takes_put_them(write_scene, play, assert_val
     summary = make_document(path, tmp_path / "film.glb", quiet)
     assert_valid_gltf(tmp_path / "film.glb")
     production = produce(path, scenes.load(path), quiet)
-    production.boxes(quiet)
+    production.extents(quiet)
     frames = production.frames
     assert summary.frames == frames
     played = play(tmp_path / "film.glb", frames)

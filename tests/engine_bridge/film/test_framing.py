@@ -5,9 +5,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine_bridge.film.framing import HEAD_ROOM, SIDE_ROOM, Shots, framed
+from engine_bridge.character import examples
+from engine_bridge.film import scene as scenes
+from engine_bridge.film.framing import HEAD_ROOM, SIDE_ROOM, Extent, Shots, framed
+from engine_bridge.film.production import CROWN_SHARE, UPPER_SHARE, produce
 from engine_bridge.film.scene import CameraTable
 from engine_bridge.pictures.camera import Camera
+from solver.model.binding import Binding
+from solver.motion.deformer import to_file_units
+
+from .conftest import quiet
 
 SIZE = (1280, 720)
 
@@ -36,24 +43,31 @@ def test_the_nearest_camera_shows_all_points_with_room_around_them(seed, azimuth
 
 
 def boxes(frames, x):
-    """A box of 1 m that is at x(k) in frame k."""
+    """A box of 1 m that is at x(k) in frame k, with a head that fills it."""
     middle = np.column_stack([[x(k) for k in range(frames)], np.full(frames, 0.5), np.zeros(frames)])
-    return np.stack([middle - 0.5, middle + 0.5], axis=1)
+    return Extent(*[np.stack([middle - 0.5, middle + 0.5], axis=1)] * 3)
+
+
+def camera(shots, frame):
+    """Return the only camera of a frame."""
+    ((only, share),) = shots.cameras(frame)
+    assert share == 1
+    return only
 
 
 def test_a_camera_that_follows_stays_nearer_and_moves_smoothly():
     walk = boxes(300, lambda k: 0 if k < 100 else min(k - 100, 100) / 20)
     still = Shots((), {"a": walk}, 30, SIZE)
     follow = Shots((CameraTable(shot="follow"),), {"a": walk}, 30, SIZE)
-    eyes = np.array([follow.camera(frame).eye for frame in range(300)])
+    cameras = [camera(follow, frame) for frame in range(300)]
+    eyes = np.array([each.eye for each in cameras])
+    wide = camera(still, 0)
     assert eyes[:, 1].std() == 0
-    assert (still.camera(0).eye == still.camera(299).eye).all()
-    assert np.linalg.norm(eyes[0] - follow.camera(0).target) < np.linalg.norm(
-        still.camera(0).eye - still.camera(0).target
-    )
+    assert (wide.eye == camera(still, 299).eye).all()
+    assert np.linalg.norm(eyes[0] - cameras[0].target) < np.linalg.norm(wide.eye - wide.target)
     assert np.abs(np.diff(eyes, axis=0, n=2)).max() < 0.2 * 0.05  # a step of 5 cm per frame begins within many frames
     for frame in range(0, 300, 7):
-        shown = in_picture(follow.camera(frame), walk[frame])
+        shown = in_picture(cameras[frame], walk.whole[frame])
         assert (shown > 0).all()
         assert (shown < 1).all()
 
@@ -61,6 +75,83 @@ def test_a_camera_that_follows_stays_nearer_and_moves_smoothly():
 def test_cameras_cut_at_their_times_and_show_whom_they_are_for():
     both = {"a": boxes(60, lambda k: -3), "b": boxes(60, lambda k: 3)}
     shots = Shots((CameraTable(show=("a",)), CameraTable(at=1.0, show=("b",))), both, 30, SIZE)
-    assert shots.camera(29).target[0] == pytest.approx(-3, abs=0.3)
-    assert shots.camera(30).target[0] == pytest.approx(3, abs=0.3)
-    assert (shots.camera(30).eye == shots.camera(59).eye).all()
+    assert camera(shots, 29).target[0] == pytest.approx(-3, abs=0.3)
+    assert camera(shots, 30).target[0] == pytest.approx(3, abs=0.3)
+    assert (camera(shots, 30).eye == camera(shots, 59).eye).all()
+
+
+def test_a_cross_fade_mixes_both_cameras():
+    both = {"a": boxes(60, lambda k: -3), "b": boxes(60, lambda k: 3)}
+    shots = Shots((CameraTable(show=("a",)), CameraTable(at=1.0, show=("b",), fade=0.3)), both, 30, SIZE)
+    shares = [[share for _, share in shots.cameras(frame)] for frame in range(29, 41)]
+    assert shares == [[1.0], *([1 - k / 10, k / 10] for k in range(1, 10)), [1.0], [1.0]]
+    (before, _), (after, _) = shots.cameras(33)
+    assert (before.eye == camera(shots, 29).eye).all()
+    assert (after.eye == camera(shots, 39).eye).all()
+
+
+def test_without_an_azimuth_nobody_else_stands_in_the_way():
+    both = {"a": boxes(9, lambda k: 0), "b": boxes(9, lambda k: 0)}
+    for box in both["b"].whole[:, :]:
+        box += [0.6, 0, 2.2]  # in front, to the right
+    eye = camera(Shots((CameraTable(show=("a",)),), both, 30, SIZE), 0).eye
+    assert eye[0] < 0
+    behind = Shots((CameraTable(show=("a",), shot="over the shoulder"),), both, 30, SIZE)
+    looks = camera(behind, 0).target - camera(behind, 0).eye
+    assert looks[2] < 0  # from b, which is in front of a, towards a
+    assert camera(behind, 0).eye[2] > 2.2
+
+
+def outside(production):
+    """Return how many of all vertices of all frames that the shots are for are outside the picture."""
+    shots = Shots(production.scene.camera, production.extents(quiet), production.fps, SIZE)
+    begins = [round(table.at * production.fps) for table in production.scene.camera[1:]]
+    count = 0
+    for actor in production.actors:
+        binding = Binding.of_solver_mesh(actor.rig.model, actor.rig.mesh)
+        up = actor.rig.mesh.vertices @ actor.footing.basis[1]
+        crown = up > up.min() + CROWN_SHARE * np.ptp(up)
+        for frame in range(production.frames):
+            table = production.scene.camera[int(np.searchsorted(begins, frame, side="right"))]
+            if table.show and actor.name not in table.show:
+                continue
+            linear = actor.to_stage(frame)
+            placed = binding.vertices(to_file_units(actor.pose(frame).R, actor.rig.model)) @ linear[:3] + linear[3]
+            if table.shot == "close":
+                high = placed[:, 1] > placed[:, 1].max() - UPPER_SHARE * actor.footing.height
+                placed = placed[crown | high]
+            shown = in_picture(shots.cameras(frame)[-1][0], placed)
+            count += ((shown < 0) | (shown > 1)).any(axis=1).sum()
+    return count
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_no_vertex_of_whom_a_shot_shows_is_outside_the_picture_in_any_frame(produced, seed):
+    """Twenty scenes that are made at random."""
+    rng = np.random.default_rng(seed)
+    text = "[film]\nfps = 10\n"
+    names = ["a", "b", "c"][: rng.integers(1, 4)]
+    for name in names:
+        x, z = rng.uniform(-2, 2, 2)
+        puppet = rng.choice(["LIMBED", "HANDLES"])
+        text += f'[[character]]\nname = "{name}"\npuppet = "{puppet}"\nturn = {rng.uniform(-180, 180)}\n'
+        text += f"height = {rng.uniform(0.3, 3)}\n" + (f"position = [{x}, {z}]\n" if rng.random() < 0.6 else "")
+        text += f'[[take]]\ncharacter = "{name}"\nfile = "TAKE"\nat = {rng.uniform(0, 0.5)}\n'
+    for number, shot in enumerate(rng.permutation(["wide", "close", "follow", "over the shoulder"])):
+        show = [str(each) for each in rng.choice(names, rng.integers(1, len(names) + 1), replace=False)]
+        show = show if rng.random() < 0.7 or shot == "over the shoulder" else []
+        text += f'[[camera]]\nat = {0.5 * number}\nshot = "{shot}"\nshow = {show}\nfade = {rng.choice([0, 0.2])}\n'
+        text += f"field_of_view = {rng.uniform(15, 70)}\nelevation = {rng.uniform(0, 40)}\n"
+    assert outside(produced(text)) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", examples.MOTIONS)
+def test_no_vertex_of_an_example_is_outside_the_picture_in_any_frame(tmp_path, name):
+    log, puppet = examples.prepare(name, tmp_path)
+    text = f'[film]\nfps = 10\n[[character]]\nname = "it"\npuppet = "{puppet.name}"\n[[take]]\ncharacter = "it"\n'
+    text += (
+        f'file = "{log.name}"\n[[camera]]\n[[camera]]\nat = 3\nshot = "follow"\n[[camera]]\nat = 6\nshot = "close"\n'
+    )
+    (tmp_path / "scene.toml").write_text(text)
+    assert outside(produce(tmp_path / "scene.toml", scenes.load(tmp_path / "scene.toml"), quiet)) == 0

@@ -22,10 +22,9 @@ def test_a_title_is_centred_at_its_place(tmp_path, place, rows):
 
 
 def test_a_title_fades_in_and_out():
-    table = TitleTable(text="a", at=1, seconds=2, fade=0.5)
     times = [0.9, 1.0, 1.25, 2.0, 2.75, 3.0, 3.1]
-    assert [overlays.opacity(table, time) for time in times] == pytest.approx([0, 0, 0.5, 1, 0.5, 0, 0])
-    assert overlays.opacity(TitleTable(text="a", fade=0), 0) == 1
+    assert [overlays.fading(time, 1, 2, 0.5) for time in times] == pytest.approx([0, 0, 0.5, 1, 0.5, 0, 0])
+    assert overlays.fading(0, 0, 3, 0) == 1
 
 
 def test_a_background_runs_from_its_first_colour_to_its_second(tmp_path):

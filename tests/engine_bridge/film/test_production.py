@@ -117,7 +117,7 @@ def test_a_new_place_is_reached_during_the_cross_fade(produced):
 
 
 def test_boxes_contain_the_character_and_lift_one_without_legs_onto_the_floor(produced):
-    boxes = produced('[[character]]\nname = "a"\npuppet = "HANDLES"\n' + TAKE).boxes(quiet)["a"]
+    boxes = produced('[[character]]\nname = "a"\npuppet = "HANDLES"\n' + TAKE).extents(quiet)["a"].whole
     assert boxes.shape == (58, 2, 3)
     assert boxes[:, 0, 1].min() == pytest.approx(0, abs=1e-6)
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from engine_bridge.film.scene import SoundTable
+from engine_bridge.film import music
+from engine_bridge.film.scene import MusicTable, SoundTable
 from engine_bridge.film.sound import SAMPLE_RATE, Mixer
 
 av = pytest.importorskip("av", reason="the extra film is not installed")
@@ -95,3 +96,16 @@ def test_the_rest_is_played_if_a_file_is_no_sound(mixed, write_wav, tmp_path, co
     assert_allclose(sound, 0.5, atol=STEP)
     (note,) = mixer.notes
     assert "scene.toml, [[sound]] 1, file" in note
+
+
+@pytest.mark.parametrize("table", [{"loop": "waltz"}, {"file": "sound.wav"}])
+def test_music_is_repeated_without_a_gap_and_fades_out_at_the_end_of_the_film(tmp_path, write_wav, table):
+    tone = 0.3 * np.sin(np.arange(SAMPLE_RATE) * 2 * np.pi / 240)
+    write_wav(tone)
+    played = music.piece("waltz") if "loop" in table else np.column_stack([tone, tone])
+    seconds = 2.5 * len(played) / SAMPLE_RATE
+    mixer = Mixer((), tmp_path / "scene.toml", seconds, MusicTable(**table, gain=-6.0206, fade_in=0, fade_out=0.5))
+    sound = mixer.read(round(seconds * SAMPLE_RATE))
+    expected = 0.5 * np.concatenate([played, played, played])[: len(sound)]
+    share = np.clip((len(sound) - np.arange(len(sound))) / (0.5 * SAMPLE_RATE), 0, 1)
+    assert_allclose(sound, expected * share[:, None], atol=2 * STEP)

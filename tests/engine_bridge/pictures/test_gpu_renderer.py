@@ -9,7 +9,8 @@ import pytest
 from engine_bridge.character.character import Part
 from engine_bridge.character.materials import Appearance
 from engine_bridge.pictures.camera import Camera
-from engine_bridge.pictures.gpu_renderer import Floor, GpuRenderer, Stage
+from engine_bridge.pictures.gpu_renderer import GpuRenderer
+from engine_bridge.pictures.gpu_scene import Overlay, Stage, Surroundings
 
 pytest.importorskip("moderngl", reason="the extra film is not installed")
 
@@ -32,7 +33,7 @@ def square(side, x=0.0, y=0.8, z=0.0):
 def picture(opengl):
     """Draw squares (material, corners, normals, triangles) and return the pixels (h, w, 3)."""
 
-    def draw(*squares, floor=None, background=(0, 0, 255), camera=CAMERA, samples=4, overlays=()):
+    def draw(*squares, floor=None, shadows=False, background=(0, 0, 255), camera=CAMERA, samples=4, overlays=()):
         with GpuRenderer(SIZE, samples) as renderer:
             behind = renderer.picture(np.full((2, 2, 4), (*background, 255), np.uint8))
             drawn = []
@@ -40,8 +41,10 @@ def picture(opengl):
                 part = Part(0, 0, np.eye(4)[None], corners, triangles, normals)
                 drawn.append(renderer.add([part], [material]))
                 drawn[-1].move(corners.astype(np.float32), normals.astype(np.float32))
-            over = [(renderer.picture(pixels), opacity) for pixels, opacity in overlays]
-            return renderer.draw(camera, STAGE, drawn, behind, floor, over)[..., :3].copy()
+            over = [Overlay(renderer.picture(pixels), opacity) for pixels, opacity in overlays]
+            tile = None if floor is None else renderer.tile(np.full((1, 1, 4), (*floor, 255), np.uint8))
+            around = Surroundings(behind, tile, has_floor=floor is not None or shadows)
+            return renderer.draw(camera, STAGE, drawn, around, over)[..., :3].copy()
 
     return draw
 
@@ -114,7 +117,7 @@ def test_a_square_over_the_floor_casts_a_soft_shadow(picture, splits):
     vertices = vertices + np.array([0.0, 0.6, 0.0])
     camera = Camera(np.array([0.0, 2.5, 5.0]), np.array([0.0, 0.4, 0.0]), 40)
     normals = np.tile([0.0, 1.0, 0.0], (len(vertices), 1))
-    floor = Floor((0.7, 0.7, 0.7))
+    floor = (217, 217, 217)
     pixels = picture((lit, (vertices, normals), triangles), floor=floor, camera=camera).astype(int)
     alone = picture(floor=floor, camera=camera).astype(int)
     darker = (alone - pixels)[..., 0]
@@ -123,12 +126,32 @@ def test_a_square_over_the_floor_casts_a_soft_shadow(picture, splits):
     assert pixels[..., 0].max() > alone[..., 0].max()  # the upper side is not in its own shadow
 
 
+def test_a_shadow_begins_at_the_foot_that_casts_it(picture):
+    """A low slab on the floor, as low as a paw: the floor beside it, away from the light, is dark."""
+    lit = replace(PLAIN, unlit=False, color=np.ones(4, np.float32))
+    corners = np.array(
+        [[x, y, z] for y in (0.0, 0.02) for x, z in ((-0.5, -0.1), (0.5, -0.1), (0.5, 0.1), (-0.5, 0.1))]
+    )
+    faces = np.array([[4, 6, 5], [4, 7, 6], [0, 5, 1], [0, 4, 5], [3, 2, 6], [3, 6, 7], [1, 6, 2], [1, 5, 6]])
+    lit = replace(lit, uv=np.zeros((8, 2), np.float32))
+    camera = Camera(np.array([0.0, 1.2, -0.3]), np.array([0.0, 0.0, -0.1]), 20)  # from above
+    normals = np.tile([0.0, 1.0, 0.0], (8, 1))
+    floor = (217, 217, 217)
+    darker = picture(floor=floor, camera=camera).astype(int) - picture(
+        (lit, (corners, normals), faces), floor=floor, camera=camera
+    )
+    away = np.array([[0.0, 0.0, z, 1.0] for z in (-0.105, 0.3)]) @ camera.matrix(SIZE).astype(float)
+    (column, row), (far_column, far_row) = np.floor((away[:, :2] / away[:, 3:] / 2 + 0.5) * SIZE).astype(int)
+    assert darker[row, column, 0] > 30
+    assert abs(darker[far_row, far_column, 0]) < 8
+
+
 def test_a_floor_without_a_colour_shows_shadows_only(picture):
     camera = Camera(np.array([0.0, 2.5, 5.0]), np.array([0.0, 0.4, 0.0]), 40)
     behind = (200, 220, 240)
     corners, _ = square(0.8)
     normals = np.tile([0.0, 0.0, 1.0], (4, 1))
-    pixels = picture((PLAIN, (corners, normals), FRONT), floor=Floor(None), camera=camera, background=behind)
+    pixels = picture((PLAIN, (corners, normals), FRONT), shadows=True, camera=camera, background=behind)
     assert pixels[5, 5].tolist() == list(behind)
     floor = ~(pixels[..., 0] > 250)
     assert ((pixels.sum(axis=2) < sum(behind) - 60) & floor).sum() > 100

@@ -158,14 +158,14 @@ def test_every_frame_shows_the_poses_of_both_takes(studio, film):
         frames = [(each.time, each.to_ndarray(format="gray")) for each in file.decode(video=0)]
     assert len(frames) == production.frames
     np.testing.assert_allclose([time for time, _ in frames], np.arange(len(frames)) / FPS, atol=1e-3)
-    shots = Shots(production.scene.camera, production.boxes(lambda *_: None), FPS, SIZE)
+    shots = Shots(production.scene.camera, production.extents(lambda *_: None), FPS, SIZE)
     half = SIZE[0] // 2
     for side, actor in zip((slice(0, half), slice(half, None)), production.actors, strict=True):
         triangles, places = actor.rig.character.triangles, places_of(actor, production.frames)
         moving = np.linalg.norm(np.diff(places, axis=0), axis=2).max(axis=1)
         fastest = int(moving[10:-10].argmax()) + 10  # between this frame and the next one
         for frame in (10, fastest, len(frames) - 10):
-            camera = shots.camera(frame)
+            ((camera, _),) = shots.cameras(frame)
             shown = frames[frame][1][:, side] > LEAST_GREY
             drawn = [silhouette(places[k], triangles, camera)[:, side] for k in (frame, frame + 1)]
             agreement = [(shown & each).sum() / (shown | each).sum() for each in drawn]

@@ -1,0 +1,49 @@
+"""Speech bubbles: they are in the picture and beside the head, not over it."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from engine_bridge.film.bubbles import LETTERS_PER_LINE, Bubble, wrapped
+from engine_bridge.film.scene import BubbleTable
+
+SIZE = (640, 360)
+
+
+@pytest.mark.parametrize("kind", ["speech", "thought", "name"])
+@given(x=st.floats(0.15, 0.85), y=st.floats(0.15, 0.5))
+def test_a_bubble_is_in_the_picture_and_does_not_hide_the_head(kind, x, y):
+    bubble = Bubble(BubbleTable(character="a", text="How do you do?", kind=kind), SIZE, "bubble", None)
+    head = np.array([[x - 0.03, y - 0.06], [x + 0.03, y + 0.06]]) * SIZE
+    body = np.array([[x - 0.1, y - 0.06], [x + 0.1, y + 0.4]]) * SIZE
+    pixels, place = bubble.draw(head, body)
+    left, top, right, bottom = np.array(place) * [*SIZE, *SIZE]
+    assert pixels.shape == (round(bottom - top), round(right - left), 4)
+    rows, columns = np.nonzero(pixels[..., 3] > 128)
+    assert left + columns.min() >= 0
+    assert top + rows.min() >= 0
+    assert left + columns.max() < SIZE[0]
+    assert top + rows.max() < SIZE[1]
+    inside = (
+        (left + columns > head[0, 0] + 2) & (left + columns < head[1, 0] - 2)
+        & (top + rows > head[0, 1] + 2) & (top + rows < head[1, 1] - 2)
+    )  # fmt: skip
+    assert inside.mean() < 0.02  # at most the tip of its tail
+
+
+@given(st.lists(st.text("abcdefghij", min_size=1, max_size=12), min_size=1))
+def test_lines_end_between_words(words):
+    text = " ".join(words)
+    lines = wrapped(text).split("\n")
+    assert " ".join(lines) == text
+    assert max(map(len, lines)) <= LETTERS_PER_LINE
+
+
+def test_a_name_needs_no_text():
+    table = BubbleTable(character="Rex", kind="name")
+    pixels, _ = Bubble(table, SIZE, "bubble", None).draw(np.zeros((2, 2)) + 100, np.zeros((2, 2)) + 100)
+    same, _ = Bubble(table.model_copy(update={"text": "Rex"}), SIZE, "bubble", None).draw(
+        np.zeros((2, 2)) + 100, np.zeros((2, 2)) + 100
+    )
+    assert (pixels == same).all()

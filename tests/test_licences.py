@@ -28,6 +28,7 @@ DECLARED = {
     "Unlicense": "free and unencumbered",
     "MPL-2.0": "MPL",
     "LGPL-2.1": "LGPL-2.1",
+    "OFL-1.1": "SIL OFL",
 }
 """What the metadata of packages call each licence."""
 

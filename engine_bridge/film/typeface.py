@@ -1,21 +1,21 @@
-"""Typefaces of titles and speech bubbles: five that Puppetline has, and files."""
+"""Typefaces of titles and speech bubbles: five from packages, and files."""
 
 import contextlib
+from importlib import resources
 from pathlib import Path
 
 from PIL import ImageFont
 
 from engine_bridge.film.scene import SceneError, Typeface
 
-FOLDER = Path(__file__).parent / "typefaces"
-
-FILES: dict[Typeface, str] = {
-    "plain": "SourceSansPro-Bold.otf",
-    "serif": "SourceSerifPro-Bold.otf",
-    "round": "FredokaOne-Regular.ttf",
-    "hand": "AmaticSC-Bold.ttf",
-    "poster": "FjallaOne-Regular.ttf",
+FILES: dict[Typeface, tuple[str, str]] = {
+    "plain": ("font_source_sans_pro", "SourceSansPro-Bold.otf"),
+    "serif": ("font_source_serif_pro", "SourceSerifPro-Bold.otf"),
+    "round": ("font_fredoka_one", "FredokaOne-Regular.ttf"),
+    "hand": ("font_amatic_sc", "AmaticSC-Bold.ttf"),
+    "poster": ("font_source_sans_pro", "SourceSansPro-Black.otf"),
 }
+"""Package and file of each typeface."""
 
 SYSTEM_FILES = ("DejaVuSans.ttf", "NotoSans-Regular.ttf", "NotoSansCJK-Regular.ttc", "Arial.ttf", "arial.ttf")
 """Typefaces of systems, for letters that no typeface of Puppetline has."""
@@ -54,9 +54,9 @@ def typeface(font: str, text: str, height: int, where: str, folder: Path) -> Ima
                 fix="Correct the path, or remove the key font.",
             ) from None
     letters = {letter for letter in text if not letter.isspace()}
-    for path in (FOLDER / FILES[font], FOLDER / FILES["plain"], *SYSTEM_FILES):
-        with contextlib.suppress(OSError):
-            opened = ImageFont.truetype(path, height)
+    for file in (FILES[font], FILES["plain"], *SYSTEM_FILES):
+        with contextlib.suppress(OSError, ModuleNotFoundError):
+            opened = ImageFont.truetype(file if isinstance(file, str) else _packaged(*file), height)
             lacking = _lacking(opened, letters)
             if not lacking:
                 return opened
@@ -66,6 +66,11 @@ def typeface(font: str, text: str, height: int, where: str, folder: Path) -> Ima
         expected=f"letters of Europe, or one of the fonts {', '.join(SYSTEM_FILES)} with these letters on this system",
         fix='Add a font: font = "FILE.ttf". On Debian: apt install fonts-noto',
     )
+
+
+def _packaged(package: str, file: str) -> Path:
+    """Return the path of a typeface in a package."""
+    return Path(str(resources.files(package))) / "files" / file
 
 
 def _lacking(font: ImageFont.FreeTypeFont, letters: set[str]) -> set[str]:

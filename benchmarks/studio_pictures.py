@@ -37,7 +37,7 @@ def states(page: Any, mesh: Path, shoot: Shoot) -> None:
     until(page, "state.connected === 'open' && state.server")
     shoot("empty")
     with page.expect_file_chooser() as chooser:
-        button("Choose a mesh…").click()
+        button("Choose a 3D file…").click()
     chooser.value.set_files(mesh)
     until(page, "state.server.jobs.some((job) => job.state === 'running')")
     shoot("working")

@@ -1,40 +1,43 @@
-"""Measure a family's evening in the studio at the pace of a person: from the empty page to a film of two characters who
-talk.
+"""Measure a family's evening in the studio at the pace of a person: from the empty page to a film of two own meshes
+that talk.
 
 python -m benchmarks.studio_task
 
-A script brings the winged horse as if it were a scan, drags a joint of a proposed limb, maps another limb, gives the
-horse a mouth by two clicks, chooses the webcam, switches on the microphone, adds the dog, records two takes of 10 s,
-the second over the first, trims one, makes the film, watches it and saves it. The performer is drawn, and speaks by
-tones. Before each action it waits as long as a person takes by the keystroke-level model (Card, Moran and Newell,
-Communications of the ACM 23(7), 1980): 1.35 s to think, 1.1 s to point, 0.1 s to press or release a button. It also
-waits 2 s, which is an assumption, to read what is new. The rest is the time of the machine, on which Chromium draws
-without a graphics card. On a busy machine, the processor time of Puppetline's own processes says more.
+A script brings the winged horse and the human as if they were somebody's own meshes, chooses the webcam, switches on
+the microphone, records two takes of 20 s, the second over the first, writes a title, chooses music, makes the film,
+watches it and saves it. The performer is drawn, and speaks by tones. Before each action it waits as long as a person
+takes by the keystroke-level model (Card, Moran and Newell, Communications of the ACM 23(7), 1980): 1.35 s to think,
+1.1 s to point, 0.1 s to press or release a button, 0.2 s for a key. It also waits 2 s, which is an assumption, to read
+what is new. The rest is the time of the machine, on which Chromium draws without a graphics card. On a busy machine,
+the processor time of Puppetline's own processes says more.
 """
 
 import argparse
 import contextlib
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import psutil
 
 from benchmarks.own_cache import own_cache
 from benchmarks.studio_page import CAMERA, SIZE, chromium, studio, until
 from engine_bridge.character.examples import prepare
 
-THINK, POINT, PRESS, READ = 1.35, 1.1, 0.1, 2.0
-"""Seconds that a person takes to think, to point, to press or release a button, and to read a panel."""
+THINK, POINT, PRESS, KEY, READ = 1.35, 1.1, 0.1, 0.2, 2.0
+"""Seconds that a person takes to think, to point, to press or release a button, to press a key, and to read a panel."""
 
-RECORDED_SECONDS = 10.0
+RECORDED_SECONDS = 20.0
+"""Duration of each take, and so of the film, in seconds."""
+
+MESHES = "pegasus", "human"
+"""Examples that are brought as if they were somebody's own."""
 
 MOVING = (
-    "state.server?.characters.length === 1 && state.busy.length === 0 && studio.viewer.shown(state.character)?.moment"
+    "state.server?.characters.length === 2 && state.busy.length === 0 && studio.viewer.shown(state.character)?.moment"
 )
 
 
@@ -66,29 +69,20 @@ class Person:
         self.clicks += 1
         what.click()
 
-    def click_at(self, x: float, y: float) -> None:
-        """Think, point at a place in the window, and click it."""
-        self.take(THINK + POINT + 2 * PRESS)
-        self.clicks += 1
-        self.page.mouse.click(x, y)
-
-    def choose_file(self, button: Any, file: Path) -> None:
-        """Click a button that opens a dialog for files, and double-click a file in it."""
+    def choose_files(self, button: Any, files: Sequence[Path]) -> None:
+        """Click a button that opens a dialog for files, click each file in it, and then its button."""
         with self.page.expect_file_chooser() as chooser:
             self.click(button)
-        self.take(READ + THINK + POINT + 4 * PRESS)
-        self.clicks += 2
-        chooser.value.set_files(file)
+        self.take(READ + (len(files) + 1) * (THINK + POINT + 2 * PRESS))
+        self.clicks += len(files) + 1
+        chooser.value.set_files(files)
 
-    def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
-        """Drag from one place in the window to another."""
-        self.take(THINK + POINT + PRESS)
-        self.clicks += 1
-        self.page.mouse.move(*start)
-        self.page.mouse.down()
-        self.take(POINT + PRESS)
-        self.page.mouse.move(*end, steps=10)
-        self.page.mouse.up()
+    def write(self, field: Any, text: str) -> None:
+        """Click a field, type into it, and press Enter."""
+        self.click(field)
+        self.take((len(text) + 1) * KEY)
+        field.fill(text)
+        field.press("Enter")
 
 
 @dataclass(frozen=True)
@@ -108,17 +102,17 @@ class Task:
     Parameters
     ----------
     page : Page
-    mesh : Path
+    meshes : sequence of Path
     """
 
-    def __init__(self, page: Any, mesh: Path) -> None:
+    def __init__(self, page: Any, meshes: Sequence[Path]) -> None:
         self.person = Person(page)
-        self._page, self._mesh = page, mesh
+        self._page, self._meshes = page, meshes
 
     def run(self) -> Iterator[Step]:
         """Do all steps; yield what each of them took."""
-        steps = self.bring, self.drag_joint, self.remap, self.add_mouth, self.webcam, self.microphone, self.add_dog
-        for step in (*steps, self.first_take, self.second_take, self.trim, self.make_film, self.watch, self.save):
+        begin = self.bring, self.webcam, self.microphone, self.first_take, self.second_take
+        for step in (*begin, self.title, self.music, self.make_film, self.watch, self.save):
             start, person, clicks = time.monotonic(), self.person.seconds, self.person.clicks
             used = processor_seconds()
             step()
@@ -128,96 +122,49 @@ class Task:
             yield Step(title, seconds, self.person.seconds - person, self.person.clicks - clicks, used)
 
     def bring(self) -> None:
-        """Bring the mesh, up to its first motion."""
+        """Bring two meshes, up to their first motion."""
         until(self._page, "state.connected === 'open' && state.server")
         self.person.take(READ)
-        self.person.choose_file(self._button("Choose a mesh…"), self._mesh)
+        self.person.choose_files(self._button("Choose a 3D file…"), self._meshes)
         until(self._page, MOVING)
 
-    def drag_joint(self) -> None:
-        """Drag a joint of a proposed limb."""
+    def webcam(self) -> None:
+        """Choose the webcam."""
         self.person.take(READ)
-        self.person.click(self._button("Rest pose"))
-        self.person.click(self._limb(0))
-        _, (x, y) = self._points(LIMBS[0])[:2]
-        before = self._puppet()
-        self.person.drag((x, y), (x + 12, y - 12))
-        self._edited(before)
-
-    def remap(self) -> None:
-        """Map a limb to another joint of the performer."""
-        self.person.click(self._button("‹ All limbs and handles"))
-        before = self._puppet()
-        self.person.click(self._page.locator("#joint-hand_left"))
-        self.person.click(self._limb(1))
-        self._edited(before)
-
-    def add_mouth(self) -> None:
-        """Give the horse a mouth, from the side."""
-        self.person.click(self._button("+ Mouth"))
-        self.person.take(READ)
-        box = self._page.locator(".overlay").bounding_box()
-        x, y = box["x"] + 60, box["y"] + box["height"] - 60
-        self.person.drag((x, y), (x + box["height"] / 4, y))  # a quarter of a turn
-        neck, muzzle = (np.array(point) for point in self._points("head")[:: len(self._points("head")) - 1])
-        along = muzzle - neck
-        down = np.array([-along[1], along[0]]) * np.sign(along[0])
-        before = self._puppet()
-        for share, lower in JAW_PLACES:
-            self.person.click_at(*(neck + share * along + lower * down))
-        self._edited(before)
+        self.person.click(self._button("Use my webcam"))
+        until(self._page, "state.server.source.kind === 'live' && state.server.performers.length > 0")
 
     def microphone(self) -> None:
         """Switch on the microphone."""
         self.person.click(self._button("Microphone"))
         until(self._page, "state.server.microphone && state.busy.length === 0")
 
-    def webcam(self) -> None:
-        """Choose the webcam."""
-        self.person.click(self._button("Live"))
-        self.person.click(self._button("Change…"))
-        self.person.take(READ)
-        until(self._page, "state.sources")
-        self.person.click(self._button("Use my webcam"))
-        until(self._page, "state.server.source.kind === 'live' && state.server.characters[0].state === 'performing'")
-
-    def add_dog(self) -> None:
-        """Add the dog."""
-        self.person.take(THINK + POINT + 4 * PRESS + READ)
-        self.person.clicks += 2
-        self._page.get_by_label("Character", exact=True).select_option(label="Open another…")
-        self.person.click(self._button("Dog"))
-        until(
-            self._page, "state.server.characters.length === 2 && state.character === 'dog' && state.busy.length === 0"
-        )
-
     def first_take(self) -> None:
-        """Record the horse for 10 s."""
-        self.person.take(THINK + POINT + 4 * PRESS)
-        self.person.clicks += 2
-        self._page.get_by_label("Character", exact=True).select_option("pegasus")
+        """Record one of them for 20 s."""
         self._take(1)
 
     def second_take(self) -> None:
-        """Record the dog for 10 s, over the horse."""
-        self.person.click(self._button("dog"))
+        """Record the other one for 20 s, over the first."""
+        self.person.click(self._page.locator(".card[aria-pressed=false]"))
         self._take(2)
 
     def _take(self, number: int) -> None:
         self.person.click(self._button("Record"))
-        until(self._page, "state.server.recording && !state.count")
+        until(self._page, "state.server.recording && state.recordedFrom !== null && state.count === null")
         self.person.take(RECORDED_SECONDS)
         self.person.click(self._button("Stop recording"))
-        until(self._page, f"state.film.present.length === {number} && state.busy.length === 0")
+        until(self._page, f"state.film.present.takes.length === {number} && state.busy.length === 0")
 
-    def trim(self) -> None:
-        """Trim the end of the first take."""
+    def title(self) -> None:
+        """Write a title."""
         self.person.take(READ)
-        edge = self._page.locator(".clip").first.locator(".edge.end").bounding_box()
-        x, y = edge["x"] + edge["width"] / 2, edge["y"] + edge["height"] / 2
-        before = self._page.evaluate("studio.state().film.present[0].stop")
-        self.person.drag((x, y), (x - 40, y))
-        until(self._page, f"state.film.present[0].stop < {before} && state.busy.length === 0")
+        self.person.write(self._page.get_by_label("What is your film called?"), "The new horse")
+        until(self._page, "state.server.film.scene.title.length === 1")
+
+    def music(self) -> None:
+        """Choose music."""
+        self.person.click(self._button("Cheerful"))
+        until(self._page, "state.server.film.scene.music.loop === 'cheerful'")
 
     def make_film(self) -> None:
         """Make the film."""
@@ -240,44 +187,6 @@ class Task:
     def _button(self, name: str) -> Any:
         return self._page.get_by_role("button", name=name, exact=True)
 
-    def _limb(self, number: int) -> Any:
-        """Return the entry of a limb of arms or legs in the list."""
-        return self._page.locator(".panel button.line", has_text=LIMBS[number]).first
-
-    def _points(self, limb: str) -> list[tuple[float, float]]:
-        """Return where the points of a limb are in the window, as soon as the view stands still."""
-        box = self._page.locator(".overlay").bounding_box()
-        return [(box["x"] + x, box["y"] + y) for x, y, *_ in self._page.evaluate(STILL, limb)]
-
-    def _puppet(self) -> str:
-        return str(self._page.evaluate("JSON.stringify(studio.state().puppets[studio.state().character].present)"))
-
-    def _edited(self, before: str) -> None:
-        changed = f"JSON.stringify(state.puppets[state.character].present) !== {before!r}"
-        until(self._page, f"{changed} && state.busy.length === 0")
-
-
-LIMBS = "left front leg", "right wing"
-"""Limbs of the winged horse: one whose joint is dragged, and one that is mapped."""
-
-JAW_PLACES = (0.3, 0.35), (1.0, 0.22)
-"""Where the jaw begins and ends: along the head, from the neck to the muzzle, and below, as shares of its length."""
-
-STILL = """(name) => new Promise((resolve) => {
-  let before = "";
-  const look = () => {
-    const limb = studio.viewer.places().limbs.find((each) => each.name.includes(name));
-    const now = JSON.stringify(limb ?? null);
-    if (now === before && limb !== undefined) resolve(limb.points);
-    else {
-      before = now;
-      setTimeout(look, 500);
-    }
-  };
-  look();
-})"""
-"""JavaScript: the places of a limb's points, in pixels of the view, as soon as it stands still for half a second."""
-
 
 def processor_seconds() -> float:
     """Return the processor time of the studio, its workers and its service so far."""
@@ -299,13 +208,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.parse_args()
     with tempfile.TemporaryDirectory() as name, own_cache(Path(name)):
-        prepare("pegasus", Path(name))
+        for mesh in MESHES:
+            prepare(mesh, Path(name))
         with studio(Path(name) / "studio", **CAMERA) as addresses, chromium() as browser:
             page = browser.new_page(viewport=SIZE)
             page.goto(next(addresses))
             print("| step | s | of the person | of the machine | clicks | processor, s |", "|" + " --- |" * 6, sep="\n")
             steps = []
-            for step in Task(page, Path(name) / "pegasus.glb").run():
+            for step in Task(page, [Path(name) / f"{mesh}.glb" for mesh in MESHES]).run():
                 steps.append(step)
                 print(row(step), flush=True)
             keys = "seconds", "person", "clicks", "processor"

@@ -254,12 +254,10 @@ class BubbleTable(_TextTable):
         return self
 
 
-class Scene(Table):
-    """All tables of a scene file."""
+class SetTables(Table):
+    """The tables of a scene file besides characters and takes."""
 
     film: FilmTable = FilmTable()
-    character: Annotated[tuple[CharacterTable, ...], Field(min_length=1)]
-    take: tuple[TakeTable, ...] = ()
     sound: tuple[SoundTable, ...] = ()
     music: MusicTable = MusicTable()
     camera: tuple[CameraTable, ...] = ()
@@ -268,6 +266,13 @@ class Scene(Table):
     light: LightTable = LightTable()
     title: tuple[TitleTable, ...] = ()
     bubble: tuple[BubbleTable, ...] = ()
+
+
+class Scene(SetTables):
+    """All tables of a scene file."""
+
+    character: Annotated[tuple[CharacterTable, ...], Field(min_length=1)]
+    take: tuple[TakeTable, ...] = ()
 
     @model_validator(mode="after")
     def _check_names(self) -> Self:

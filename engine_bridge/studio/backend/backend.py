@@ -16,8 +16,8 @@ from engine_bridge.studio.backend.look_reply import look_reply
 from engine_bridge.studio.backend.smoothing_preview import MIN_FRAMES, preview, preview_of
 from engine_bridge.studio.messages import base, characters, connection, performers, requests, takes
 from engine_bridge.studio.messages.characters import PuppetReply
-from engine_bridge.studio.messages.state import JobState, State
-from engine_bridge.studio.project.workspace import Upload, Workspace
+from engine_bridge.studio.messages.state import JobState, State, UploadReply
+from engine_bridge.studio.project.workspace import Workspace
 from engine_bridge.studio.service.service_link import ServiceLink
 from puppetline import toml_schema
 from puppetline.errors import ServiceError
@@ -59,7 +59,7 @@ class Backend:
     async def begin(self, first: Path | None = None) -> None:
         """Open the characters of the last run, and a puppet file or mesh; errors are logged."""
 
-    async def receive(self, name: str, path: Path) -> Upload:
+    async def receive(self, name: str, path: Path) -> UploadReply:
         """Check a file that was received, and keep it.
 
         Raises

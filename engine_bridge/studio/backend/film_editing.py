@@ -1,7 +1,7 @@
 """Edits the film of the studio's takes, and plays it on the characters of the service."""
 
 from engine_bridge.film.scene import SceneError, TakeTable
-from engine_bridge.studio.messages.film import FilmState
+from engine_bridge.studio.messages.film import FilmScene, FilmState
 from engine_bridge.studio.messages.state import TakeState
 from engine_bridge.studio.project.film_file import FilmFile
 from engine_bridge.studio.project.take_list import TakeList
@@ -28,13 +28,13 @@ class FilmEditing:
     def state(self) -> FilmState:
         """The takes of the film, or why they cannot be read."""
         try:
-            return FilmState(takes=self.file.takes)
+            return FilmState(takes=self.file.takes, scene=self.file.scene)
         except PuppetlineError as error:
             return FilmState(problem=self._workspace.without_folders(str(error)))
 
-    def edit(self, takes: list[TakeTable]) -> None:
-        """Replace the takes of the film."""
-        self.file.replace(takes, self._by_file)
+    def edit(self, takes: list[TakeTable], scene: FilmScene | None = None) -> None:
+        """Replace the takes of the film, and the other tables of its scene file if they are given."""
+        self.file.replace(takes, [*self._by_file, *self._workspace.media], scene)
 
     def end_of(self, character: str) -> float:
         """Return the second of the film at which a character's last take ends; 0 without one."""

@@ -21,10 +21,10 @@ from engine_bridge.studio.long_work.installation import MODULES, TITLES, is_inst
 from engine_bridge.studio.long_work.jobs import Jobs
 from engine_bridge.studio.long_work.worker import Progress, Worker
 from engine_bridge.studio.messages import characters, film, performers, takes
-from engine_bridge.studio.messages.state import SourceState, State
+from engine_bridge.studio.messages.state import SourceState, State, UploadReply
 from engine_bridge.studio.project.open_characters import Characters, OpenCharacter
 from engine_bridge.studio.project.take_list import TakeList
-from engine_bridge.studio.project.workspace import Upload, Workspace
+from engine_bridge.studio.project.workspace import Upload, Workspace, shown
 from engine_bridge.studio.service import chosen_source
 from engine_bridge.studio.service.chosen_source import ChosenSource
 from engine_bridge.studio.service.own_service import OwnService
@@ -88,16 +88,19 @@ class Studio(Backend):
         installed = [extra for extra in MODULES if is_installed(extra)]
         return state.model_copy(update={"film": self._film.state, "installed": installed, "microphone": self._hears})
 
-    async def receive(self, name: str, path: Path) -> Upload:
+    async def receive(self, name: str, path: Path) -> UploadReply:
         """Check a received file, in the worker, and keep it."""
         try:
             facts = await self._worker.run("inspect", path)
         except BaseException:
             self.workspace.discard(path)
             raise
+        if facts["kind"] in ("sound", "picture"):
+            file = self.workspace.keep_media(path)
+            return UploadReply(upload="", kind=facts["kind"], name=shown(name), facts={}, file=file)
         upload = self.workspace.keep(name, path, facts["kind"], facts)
         self.changed()
-        return upload
+        return UploadReply(upload=upload.id, kind=upload.kind, name=upload.name, facts=facts)
 
     async def begin(self, first: Path | None = None) -> None:
         """Open the characters of the last run, and a puppet file or mesh; errors are logged."""
@@ -114,6 +117,9 @@ class Studio(Backend):
         if first is not None:
             with _logged_errors(f"{first.name} cannot be opened"):
                 await self._open(first.name, partial(self._open_first, first))
+        for each in self.characters.all:
+            with _logged_errors("a character of the last run is not in the film"):
+                self._introduce(each)
         self._pictures.begin()
 
     async def _reopen(
@@ -255,7 +261,7 @@ class Studio(Backend):
         return {}
 
     async def _do_edit_film(self, asked: film.EditFilm) -> dict[str, Any]:
-        self._film.edit(asked.takes)
+        self._film.edit(asked.takes, asked.scene)
         self.changed()
         return self._film.state.model_dump(mode="json")
 
@@ -271,6 +277,8 @@ class Studio(Backend):
         return {}
 
     async def _do_make_film(self, _: film.MakeFilm) -> dict[str, Any]:
+        self._refuse_while_recording()
+
         async def work(progress: Progress) -> dict[str, Any]:
             output = self.workspace.new_export("film", ".mp4")
             made = await self._exporter.run("make_film", self._film.file.path, output, progress=progress)
@@ -297,7 +305,7 @@ class Studio(Backend):
 
     async def _do_delete_upload(self, asked: characters.DeleteUpload) -> dict[str, Any]:
         upload = self.workspace.upload(asked.upload)
-        if self._playing.uri.startswith(f"replay:{upload.path.parent}"):
+        if self._playing.uri.partition(":")[2].startswith(str(upload.path.parent)):
             raise in_use(upload.name)
         self.workspace.delete_upload(asked.upload)
         self.changed()
@@ -326,6 +334,10 @@ class Studio(Backend):
     async def _do_cancel(self, asked: takes.Cancel) -> dict[str, Any]:
         self._jobs.cancel(asked.job)
         return {}
+
+    def _introduce(self, character: OpenCharacter) -> None:
+        """Let a character stand in the film beside the others."""
+        self._film.file.introduce(character.name, {each.name: each.width for each in self.characters.all})
 
     def _refuse_while_recording(self) -> None:
         """Refuse a change during a take, which has the same characters and source from beginning to end."""
@@ -365,6 +377,9 @@ class Studio(Backend):
                     with contextlib.suppress(PuppetlineError):
                         await self._apply()
                     raise
+                with _logged_errors("the character is not added to the film"):
+                    self._introduce(character)
+                self.changed()
             return {"character": character.name}
 
         return await self._jobs.run(f"Opening {title}", work)
@@ -378,6 +393,9 @@ class Studio(Backend):
             check_known(asked.example, list(performances()), "example")
             return chosen_source.example(asked.example, asked.loop)
         kind: Literal["upload", "take"] = "take" if asked.upload is None else "upload"
+        if asked.upload is not None and self.workspace.upload(asked.upload).kind == "video":
+            video = self.workspace.upload(asked.upload)
+            return chosen_source.video(video.path, video.name, asked.loop)
         name = self.workspace.upload(asked.upload, "log").name if asked.upload is not None else str(asked.take)
         path = await self._recording(asked.take, asked.upload, None)
         if asked.start is not None or asked.stop is not None:

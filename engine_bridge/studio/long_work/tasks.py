@@ -8,6 +8,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import tomlkit
 
 from capture.formats import read_log
@@ -28,6 +29,7 @@ from engine_bridge.puppet.puppet_document import PuppetDocument
 from engine_bridge.puppet.puppet_values import puppet_of, values_of
 from engine_bridge.studio.long_work import take_pictures
 from engine_bridge.studio.long_work.installation import install_extra
+from engine_bridge.studio.long_work.media import media_kind
 from engine_bridge.studio.long_work.trimming import trimmed
 from engine_bridge.studio.long_work.worker import Progress
 from puppetline.errors import PuppetlineError
@@ -41,8 +43,9 @@ MODEL = "model.glb"
 
 
 def inspect(_progress: Progress, path: Path) -> dict[str, Any]:
-    """Return what `puppetline inspect` reports about a file."""
-    return files.inspect(path)
+    """Return what `puppetline inspect` reports about a file; of a video, a sound or a picture, its kind."""
+    kind = media_kind(path)
+    return files.inspect(path) if kind is None else {"kind": kind}
 
 
 def propose(progress: Progress, mesh: Path, folder: Path, options: dict[str, Any]) -> dict[str, Any]:
@@ -92,8 +95,8 @@ def prepare(progress: Progress, saved: Path, folder: Path) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``puppet`` (see `values_of`), ``targets`` (names), ``vertices``, ``triangles``, ``digest`` (of the isoline
-        coordinates), ``notes``, and ``model``: whether there is a file `MODEL`.
+        ``puppet`` (see `values_of`), ``targets`` (names), ``vertices``, ``triangles``, ``width`` (metres), ``digest``
+        (of the isoline coordinates), ``notes``, and ``model``: whether there is a file `MODEL`.
     """
     progress("Preparing the character", 0.0)
     puppet = puppet_file.load(saved)
@@ -143,6 +146,7 @@ def _applied(progress: Progress, puppet: Puppet, live: Path) -> dict[str, Any]:
         "puppet": values_of(puppet),
         "targets": own_targets.names_of(rig.character),
         "vertices": len(rig.character.vertices),
+        "width": float(np.ptp(rig.character.vertices @ puppet.character.basis[0])) * puppet.character.scale,
         "triangles": len(rig.character.triangles),
         "digest": digest,
         "model": has_model,

@@ -5,26 +5,41 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from engine_bridge.film.scene import TakeTable
+from engine_bridge.film.scene import CharacterTable, SetTables, TakeTable
 from engine_bridge.studio.messages.base import Request, Seconds
 from puppetline.toml_schema import Table
 
+MAX_ROWS = 1000
+"""Maximum number of rows of a kind in the film."""
+
+
+class FilmScene(SetTables):
+    """The tables of the film's scene file besides its takes, as they are written there (docs/film.md)."""
+
+    character: Annotated[tuple[CharacterTable, ...], Field(max_length=MAX_ROWS)] = ()
+
 
 class FilmState(Table):
-    """The film: its tables ``[[take]]`` (docs/film.md), and what is wrong with its scene file, empty if nothing.
+    """The film: its takes, the other tables of its scene file, and what is wrong with the file, empty if nothing.
 
-    `at` and `stop` are those that apply, also where the scene file omits them.
+    `at` and `stop` of takes are those that apply, also where the scene file omits them.
     """
 
     takes: Sequence[TakeTable] = ()
+    scene: FilmScene = FilmScene()
     problem: str = ""
 
 
 class EditFilm(Request):
-    """Replace the takes of the film; each `file` is ``takes/NAME.log``, or one that it has. Result: `FilmState`."""
+    """Replace the takes of the film, and the other tables of its scene file if there is `scene`. Result: `FilmState`.
+
+    The `file` of a take is ``takes/NAME.log``, and that of a sound or a picture ``media/NAME``, or one that the film
+    has. Characters that are not in `scene` stay as they are, and no character's `puppet` changes.
+    """
 
     do: Literal["edit_film"]
-    takes: Annotated[list[TakeTable], Field(max_length=1000)]
+    takes: Annotated[list[TakeTable], Field(max_length=MAX_ROWS)]
+    scene: FilmScene | None = None
 
 
 class PlayFilm(Request):

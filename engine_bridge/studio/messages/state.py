@@ -138,16 +138,20 @@ class ServiceState(Table):
     text: str = ""
 
 
-UploadKind = Literal["character", "log", "puppet"]
+UploadKind = Literal["character", "log", "puppet", "video", "sound", "picture"]
 
 
 class UploadReply(Table):
-    """The reply to ``POST /uploads``: id, kind, name, and what `puppetline inspect` reports."""
+    """The reply to ``POST /uploads``: id, kind, name, and what `puppetline inspect` reports.
+
+    A sound or a picture becomes a file of the film: it has no id, and `file` is its path in the scene file.
+    """
 
     upload: str
     kind: UploadKind
     name: str
     facts: dict[str, Any]
+    file: str = ""
 
 
 class UploadState(Table):

@@ -8,12 +8,12 @@ writes them to ``page/src/messages.ts``.
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import is_dataclass
 from pathlib import Path
-from types import NoneType, UnionType
+from types import ModuleType, NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel
 
-from engine_bridge.film.scene import TakeTable
+from engine_bridge.film import scene
 from engine_bridge.puppet import puppet
 from engine_bridge.service.monitoring.status import TimelineStatus
 from engine_bridge.studio.messages.characters import PuppetReply
@@ -24,18 +24,28 @@ from engine_bridge.studio.messages.state import State, UploadKind, UploadReply
 from engine_bridge.studio.messages.takes import ExportReply
 
 
-def _is_table(each: object) -> bool:
-    return isinstance(each, type) and issubclass(each, BaseModel) and each.__module__ == puppet.__name__
+def _tables(module: ModuleType) -> list[type[BaseModel]]:
+    """Return the tables that a module defines."""
+    defined = [each for each in vars(module).values() if isinstance(each, type) and each.__module__ == module.__name__]
+    return [each for each in defined if issubclass(each, BaseModel)]
+
+
+def _optional(table: type[BaseModel]) -> list[str]:
+    return [key for key, field in table.model_fields.items() if not field.is_required()]
 
 
 PATH = Path(__file__).parents[1] / "page" / "src" / "messages.ts"
 
-PUPPET = {each: each.__name__.removesuffix("Table") for each in vars(puppet).values() if _is_table(each)}
+PUPPET = {each: each.__name__.removesuffix("Table") for each in _tables(puppet)}
 """Classes of a puppet's tables."""
+
+SCENE = {each: f"Film{each.__name__.removesuffix('Table')}" for each in _tables(scene)}
+"""Classes of a scene file's tables."""
 
 NAMES: dict[type, str] = {
     State: "ServerState",
-    TakeTable: "FilmTake",
+    **SCENE,
+    scene.FilmTable: "FilmFormat",
     TimelineStatus: "Timeline",
     **PUPPET,
     puppet.CharacterTable: "PuppetCharacter",
@@ -44,8 +54,8 @@ NAMES: dict[type, str] = {
 """Names of classes in the page, where they are others."""
 
 OMITTED: dict[type, Collection[str]] = {
-    TakeTable: ("user", "loop", "fade", "position", "turn", "sound"),
-    **{each: [key for key, field in each.model_fields.items() if not field.is_required()] for each in PUPPET},
+    **{each: _optional(each) for each in (*PUPPET, *SCENE)},
+    scene.TakeTable: ("user", "loop", "fade", "position", "turn", "sound"),
     puppet.CharacterTable: puppet.CharacterTable.model_fields,
 }
 """Keys that the page omits where it makes an object: the server then uses their defaults."""

@@ -31,6 +31,8 @@ class OpenCharacter:
         Values of the puppet in the service, and of the one that was opened or last saved.
     targets : list of str
         Names of the morph targets that the mesh has.
+    width : float
+        Width at rest in metres, as far as the file's unit says so.
     digest : str
         Hash of what the page's model depends on.
     model : Download or None
@@ -44,6 +46,7 @@ class OpenCharacter:
     puppet: dict[str, Any]
     saved: dict[str, Any]
     targets: list[str]
+    width: float = 0.0
     vertices: int = 0
     triangles: int = 0
     digest: str = ""
@@ -166,6 +169,7 @@ class Characters:
         """Update a character with what a task reports of its puppet and model."""
         character.puppet = facts["puppet"]
         character.vertices, character.triangles = facts["vertices"], facts["triangles"]
+        character.width = facts["width"]
         if facts["digest"] == character.digest:
             return
         character.digest = facts["digest"]

@@ -8,6 +8,7 @@ reduced to letters, digits, `_` and `-`, so that people recognise them.
     takes/NAME.log             recordings of the service
     exports/ID/NAME.glb        files that can be downloaded
     pictures/NAME.png          pictures of takes
+    media/NAME.mp3             sounds and pictures of the film
     film.toml                  scene file of the film
     examples/                  example characters and recordings, which take seconds to make
     service.toml, token        of the service that the studio starts
@@ -44,7 +45,7 @@ MAX_STEM = 32
 
 SUFFIX = re.compile(r"\.[a-z0-9]{1,10}")
 
-Kind = Literal["character", "log", "puppet"]
+Kind = Literal["character", "log", "puppet", "video"]
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ class Upload:
     name : str
         Name that the page gave it, for people; the file's own name differs.
     path : Path
-    kind : {"character", "log", "puppet"}
+    kind : {"character", "log", "puppet", "video"}
     facts : dict
         What `puppetline inspect` reports about it.
     """
@@ -113,7 +114,7 @@ class Workspace:
         shutil.rmtree(self.folder / "uploads", ignore_errors=True)
         shutil.rmtree(self.folder / "exports", ignore_errors=True)
         with output_errors(self.folder):
-            for name in ("uploads", "characters", "takes", "exports", "examples", "pictures"):
+            for name in ("uploads", "characters", "takes", "exports", "examples", "pictures", "media"):
                 (self.folder / name).mkdir(mode=0o700, parents=True, exist_ok=True)
 
     def upload(self, key: str, kind: Kind | None = None) -> Upload:
@@ -133,7 +134,7 @@ class Workspace:
                 fix="Upload it again.",
             )
         if kind is not None and found.kind != kind:
-            names = {"character": "a mesh", "log": "a recording", "puppet": "a puppet file"}
+            names = {"character": "a mesh", "log": "a recording", "puppet": "a puppet file", "video": "a video"}
             raise ServiceError(
                 found.name, found=names[found.kind], expected=names[kind], fix=f"Choose {names[kind]} instead."
             )
@@ -190,6 +191,20 @@ class Workspace:
         upload = Upload(path.parent.name, shown(name), path, kind, facts)
         self.uploads[upload.id] = upload
         return upload
+
+    def keep_media(self, path: Path) -> str:
+        """Move a received sound or picture to the film's, and return its path relative to the folder."""
+        endings = ("" if number == 1 else f"-{number}" for number in count(1))
+        names = (f"{path.stem}{ending}{path.suffix}" for ending in endings)
+        kept = next(each for name in names if not (each := self.folder / "media" / name).exists())
+        path.replace(kept)
+        self.discard(path)
+        return kept.relative_to(self.folder).as_posix()
+
+    @property
+    def media(self) -> list[str]:
+        """The sounds and pictures of films, relative to the folder."""
+        return [each.relative_to(self.folder).as_posix() for each in (self.folder / "media").iterdir()]
 
     def discard(self, path: Path) -> None:
         """Delete a received file that is not kept."""

@@ -37,7 +37,8 @@ def stages(
     """Return the tables [[stage]] of the service file.
 
     Each character has a stage of its own if a recording plays, so that its performers move all of them. A sensor or a
-    port can be opened once only: its performers are distributed among the characters of one stage.
+    port can be opened once only, and a video is tracked once: their performers are distributed among the characters of
+    one stage.
 
     Parameters
     ----------
@@ -50,8 +51,10 @@ def stages(
     """
     heard = {} if sound is None else {"sound": sound}
     tables = [{"puppet": os.path.relpath(each.live_file, folder), "name": each.name} for each in characters]
-    if not is_recorded(playing.uri):
-        return [{"source": playing.uri, "name": "stage", **heard, "character": tables}] if tables else []
+    is_video = playing.uri.startswith("video:")
+    if is_video or not is_recorded(playing.uri):
+        calibrated = {"calibrate": "at_once"} if is_video else {}
+        return [{"source": playing.uri, "name": "stage", **calibrated, **heard, "character": tables}] if tables else []
     return [
         {"source": playing.uri, "name": table["name"], "calibrate": "at_once", **heard, "character": [table]}
         for table in tables
@@ -90,3 +93,9 @@ def recording(
     """Return the source of a recording that is already trimmed; `name` is for people."""
     state = SourceState(uri=f"replay:{name}", kind=kind, name=name, text=name, loop=loop, start=start, stop=stop)
     return ChosenSource(f"replay:{path}{LOOP_SUFFIX if loop else ''}", state)
+
+
+def video(path: Path, name: str, loop: bool) -> ChosenSource:
+    """Return the source of a video of a performer; `name` is for people."""
+    state = SourceState(uri=f"video:{name}", kind="upload", name=name, text=name, loop=loop)
+    return ChosenSource(f"video:{path}{LOOP_SUFFIX if loop else ''}", state)

@@ -17,6 +17,7 @@ from engine_bridge.service.control.requests import error_reply, ok_reply
 from engine_bridge.service.monitoring.logs import OnceASecond
 from engine_bridge.service.security.web_sockets import CLOSE_SECONDS, Heartbeat, first_text, refuse
 from engine_bridge.studio.backend.backend import Backend
+from engine_bridge.studio.long_work.media import SUFFIXES
 from engine_bridge.studio.messages.base import MAX_REQUEST_BYTES
 from engine_bridge.studio.messages.connection import CloseCode, Greeting
 from engine_bridge.studio.messages.state import JobState, ProgressEvent
@@ -219,7 +220,12 @@ def _greeting(session: str, joined: bool) -> Greeting:
         joints=list(JOINTS),
         parents=dict(PARENTS),
         forms=[*DEFAULT_TOLERANCES, *get_args(PerformerFormat)],
-        suffixes={"character": list(CHARACTER_FILES), "log": list(LOG_SUFFIXES), "puppet": [".toml"]},
+        suffixes={
+            "character": list(CHARACTER_FILES),
+            "log": list(LOG_SUFFIXES),
+            "puppet": [".toml"],
+            **{kind: list(suffixes) for kind, suffixes in SUFFIXES.items()},
+        },
         limits={"upload_bytes": MAX_UPLOAD_BYTES, "uploads": MAX_UPLOADS},
         joined=joined,
     )

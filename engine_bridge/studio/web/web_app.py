@@ -14,7 +14,6 @@ from aiohttp import web
 from engine_bridge.service.monitoring.logs import OnceASecond
 from engine_bridge.service.takes.kiosk import CODE
 from engine_bridge.studio.backend.backend import Backend
-from engine_bridge.studio.messages.state import UploadReply
 from engine_bridge.studio.project.workspace import UploadError
 from engine_bridge.studio.web.api_connection import ApiClient
 from engine_bridge.studio.web.clip_page import STYLE, clip_page
@@ -126,8 +125,7 @@ class _Server:
         self._authorize(request)
         name = request.query.get("name", "")[:200]
         path = await self._studio.workspace.receive(name, request.content_length, _chunks(request))
-        upload = await self._studio.receive(name, path)
-        reply = UploadReply(upload=upload.id, kind=upload.kind, name=upload.name, facts=upload.facts)
+        reply = await self._studio.receive(name, path)
         return web.json_response(reply.model_dump(mode="json"))
 
     async def download(self, request: web.Request) -> web.StreamResponse:

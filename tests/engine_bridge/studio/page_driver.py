@@ -40,6 +40,9 @@ FEWER_IMAGES = """{
 }"""
 """JavaScript: draw at most ten images per second, which leaves the processor to the rest of the test."""
 
+REMEMBER = 'localStorage.getItem("puppetline.face") ?? localStorage.setItem("puppetline.face", "{face}");'
+"""JavaScript: the page opens with a face, until another one is chosen."""
+
 COUNT_CLICKS = "window.clicks = 0; addEventListener('pointerdown', () => window.clicks++, true);"
 
 
@@ -77,10 +80,10 @@ class Studio:
             time.sleep(0.1)
         raise AssertionError("".join(self.lines))
 
-    def open(self, browser, **options):
-        """Open the page in a window of its own."""
+    def open(self, browser, face="workshop", **options):
+        """Open the page in a window of its own, with a face."""
         context = browser.new_context(**({"viewport": {"width": 1280, "height": 720}} | options))
-        return Window(context, self.address())
+        return Window(context, self.address(), face)
 
     def close(self):
         """End the command as Ctrl-C does."""
@@ -91,13 +94,13 @@ class Studio:
 class Window:
     """A browser window with the page; `page` is Playwright's."""
 
-    def __init__(self, context, address):
+    def __init__(self, context, address, face="workshop"):
         context.set_default_timeout(1000 * TIMEOUT_SECONDS)
         self.context, self.page = context, context.new_page()
         self.problems = []
         self.page.on("pageerror", lambda error: self.problems.append(str(error)))
         self.page.on("console", self._console)
-        self.page.add_init_script(COUNT_CLICKS + FEWER_IMAGES)
+        self.page.add_init_script(COUNT_CLICKS + FEWER_IMAGES + REMEMBER.format(face=face))
         self.page.goto(address)
 
     def _console(self, message):

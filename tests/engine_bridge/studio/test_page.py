@@ -44,7 +44,7 @@ def window(studio, browser, horse):
     opened = studio.open(browser)
     opened.until("state.connected === 'open' && state.server")
     with opened.page.expect_file_chooser() as chooser:
-        opened.button("Choose a mesh…").click()
+        opened.button("Choose a 3D file…").click()
     chooser.value.set_files(horse)
     opened.until(MOVES)
     opened.idle()
@@ -102,6 +102,38 @@ OVERLAPS = """() => {
   ]);
 }"""
 """JavaScript: the controls that overlap each other or the edge of the window."""
+
+
+def test_the_film_fits_each_window_shows_a_recording_and_a_dragged_character_stays_where_it_is_put(
+    studio, browser, window
+):
+    film = studio.open(browser, face="film", viewport={"width": 1920, "height": 1080})
+    film.until(f"{MOVES} && state.portraits.pegasus")
+    for width, height in ((1920, 1080), (820, 1180), (390, 844)):
+        film.page.set_viewport_size({"width": width, "height": height})
+        assert film.page.evaluate(OVERLAPS) == []
+        assert film.page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    film.page.set_viewport_size({"width": 1280, "height": 720})
+    film.page.keyboard.press("r")
+    film.until("state.count === null && state.recordedFrom !== null")
+    assert film.page.locator(".recording-frame").is_visible()
+    width = "document.querySelector('.growing').getBoundingClientRect().width"
+    first = film.page.evaluate(width)
+    film.until(f"{width} > {first}")
+    film.page.keyboard.press("r")
+    film.until("state.film.present.takes.length === 1 && state.busy.length === 0")
+    place = "state.server.film.scene.character[0].position"
+    before = film.until(place)
+    box = film.page.locator(".overlay").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    film.drag((x, y), (x + 80, y))
+    moved = film.until(f"{place}[0] > {before[0]} + 0.1 && {place}")
+    film.until(f"Math.abs(studio.viewer.figures.get('pegasus').group.position.x - {moved[0]}) < 1e-6")
+    film.page.keyboard.press("Control+z")
+    film.until(f"{place}[0] === {before[0]}")
+    film.page.keyboard.press("Control+z")
+    film.until("state.server.film.takes.length === 0")
+    film.close()
 
 
 def test_a_narrow_page_opens_its_side_panels_records_and_plays(studio, browser, window):
@@ -166,6 +198,14 @@ def test_axe_finds_no_serious_violation(studio, browser, window):
             serious = [each for each in report["violations"] if each["impact"] in ("serious", "critical")]
             checked[state, scheme] = [(each["id"], [node["target"] for node in each["nodes"]]) for each in serious]
 
+    other.button("Film").click()
+    for tab in ("Scene", "Character"):
+        other.tab(tab)
+        check(tab)
+    other.button("Keys").click()
+    check("keys")
+    other.page.keyboard.press("Escape")
+    other.button("Workshop").click()
     check("list")
     other.page.locator(".panel button.line").first.click()
     check("part")

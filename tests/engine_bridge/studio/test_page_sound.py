@@ -103,7 +103,7 @@ def window(studio, browser):
     context = browser.new_context(viewport={"width": 1280, "height": 720})
     context.add_init_script(MEASURE)
     opened = Window(context, studio.address())
-    opened.until("state.film.present.length === 1 && studio.viewer.shown(state.character)?.moment")
+    opened.until("state.film.present.takes.length === 1 && studio.viewer.shown(state.character)?.moment")
     yield opened
     opened.close()
 

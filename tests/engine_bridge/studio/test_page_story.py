@@ -82,7 +82,7 @@ def studio(limbed_puppet, opengl, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def window(studio, browser):
-    opened = studio.open(browser)
+    opened = studio.open(browser, face="film")
     opened.until("state.server?.characters.length === 2 && studio.viewer.shown('first')?.moment")
     yield opened
     opened.close()
@@ -94,33 +94,33 @@ def film(studio, window, tmp_path_factory):
     window.button("Microphone").click()
     window.until("state.server.microphone")
     window.idle()
-    window.page.get_by_label("Character", exact=True).select_option("first")
+    window.page.locator(".card", has_text="First").click()
     take(window)
-    window.button("second").click()
+    window.button("Second").click()
     window.page.locator(".overlay").focus()
     window.page.keyboard.press("r")
     playing = window.until("state.server.recording && !state.count && state.server.timeline?.takes")
     assert [each["character"] for each in playing] == ["first"]
     window.frames(75)
     window.page.keyboard.press("r")
-    window.until("state.film.present.length === 2 && state.server.takes.every(({ wave }) => wave !== '')")
+    window.until("state.film.present.takes.length === 2 && state.server.takes.every(({ wave }) => wave !== '')")
     window.idle()
 
     edge = window.page.locator(".clip").nth(1).locator(".edge.end").bounding_box()
     start = edge["x"] + edge["width"] / 2, edge["y"] + edge["height"] / 2
-    stop = window.state("film.present")[1]["stop"]
+    stop = window.state("film.present.takes")[1]["stop"]
     window.drag(start, (start[0] - 40, start[1]))
-    window.until(f"state.film.present[1].stop < {stop} - 0.2")
+    window.until(f"state.film.present.takes[1].stop < {stop} - 0.2")
     window.idle()
-    trimmed = window.state("film.present")
+    trimmed = window.state("film.present.takes")
     window.page.locator(".clip-button").first.focus()
     window.page.keyboard.press("Delete")
-    window.until("state.film.present.length === 1")
+    window.until("state.film.present.takes.length === 1")
     window.idle()
     window.page.keyboard.press("Control+z")
     window.until("state.server.film.takes.length === 2")
     window.idle()
-    assert window.state("film.present") == trimmed
+    assert window.state("film.present.takes") == trimmed
     window.page.locator(".overlay").focus()
     window.page.keyboard.press("Space")
     window.until("state.server.timeline?.takes.length === 2")
@@ -135,6 +135,13 @@ def film(studio, window, tmp_path_factory):
     return saved
 
 
+def test_characters_stand_in_the_view_as_in_the_film(window):
+    window.until("Object.keys(state.portraits).length === 2")
+    for name, side in (("first", -1.3), ("second", 1.3)):
+        low, high = ([corner[axis] for axis in "xyz"] for corner in window.page.evaluate("studio.viewer.boxes()")[name])
+        np.testing.assert_allclose([low[1], high[1], (low[0] + high[0]) / 2], [0, 1.5, side], atol=0.05)
+
+
 def performing(window):
     window.until("state.server.characters.find(({ name }) => name === state.character).state === 'performing'")
 
@@ -142,12 +149,12 @@ def performing(window):
 def take(window):
     """Record a take of the character that is shown."""
     performing(window)
-    count = len(window.state("film.present"))
+    count = len(window.state("film.present.takes"))
     window.button("Record").click()
     window.until("state.server.recording && !state.count")
     window.frames(90)
     window.button("Stop recording").click()
-    window.until(f"state.film.present.length === {count + 1}")
+    window.until(f"state.film.present.takes.length === {count + 1}")
     window.idle()
 
 

@@ -17,7 +17,7 @@ import type { Joint } from "./model/skeleton";
 import { smoothingOf } from "./model/smoothing";
 import type { Vector } from "./model/vector";
 import { strings } from "./strings";
-import { COUNT_IN, countIn, receivedFilm, stepFilm } from "./film";
+import { COUNT_IN, ask, countIn, receivedFilm, stepFilm } from "./film";
 import { connection, doing, download, request } from "./requests";
 import { type Recording, current, shownCharacter, shownPuppet, update } from "./store";
 
@@ -28,7 +28,10 @@ export const connect = (): void => {
     },
     state: receive,
     progress: (job, text, fraction) => {
-      update(({ progress }) => ({ progress: { ...progress, [job]: { text, fraction } } }));
+      update(({ progress, since }) => ({
+        progress: { ...progress, [job]: { text, fraction } },
+        since: progress[job]?.text === text ? since : { ...since, [job]: performance.now() }, // the share is that of a step
+      }));
     },
     lost: () => {
       update({ connected: "lost", busy: [] });
@@ -48,6 +51,7 @@ function receive(server: ServerState): void {
       character,
       puppets: Object.fromEntries(Object.entries(state.puppets).filter(([name]) => names.includes(name))),
       ...(character === state.character ? {} : { selection: null }),
+      since: { ...Object.fromEntries(server.jobs.map(({ job }) => [job, performance.now()])), ...state.since },
       ...receivedFilm(state, server),
     };
   });
@@ -73,29 +77,7 @@ async function refresh({ name, version }: CharacterState): Promise<void> {
   }
 }
 
-// ------------------------------------------------------------------------------------------ files and characters
-
-/** Open dropped or chosen files: a mesh or puppet becomes a character, a recording becomes the performer. */
-export async function openFiles(files: readonly File[]): Promise<void> {
-  // a puppet file finds its mesh among the uploads
-  const ordered = [...files].sort((a, b) => Number(a.name.endsWith(".toml")) - Number(b.name.endsWith(".toml")));
-  const puppet = ordered.some(({ name }) => name.endsWith(".toml"));
-  for (const file of ordered) {
-    const uploaded = await doing(strings.busy.upload(file.name), () => connection.upload(file));
-    if (uploaded === null) return;
-    if (uploaded.kind === "log") await perform({ kind: "upload", name: uploaded.upload });
-    else if (uploaded.kind === "puppet") await opened("open_puppet", { upload: uploaded.upload });
-    else if (!puppet) await opened("open_character", { upload: uploaded.upload });
-  }
-}
-
-export const openExample = (name: string): Promise<void> => opened("open_example", { name });
-
-async function opened(what: string, values: object): Promise<void> {
-  const reply = await request<{ character: string }>(strings.busy.open, what, values);
-  if (reply === null) return;
-  update({ character: reply.character, selection: null, adding: false, atRest: false, tab: "limbs" });
-}
+// ---------------------------------------------------------------------------------------------------- characters
 
 export function show(character: string): void {
   update({ character, selection: null, adding: false });
@@ -120,6 +102,29 @@ export async function lookAgain(): Promise<void> {
 export async function performLive(uri: string): Promise<void> {
   await request(strings.busy.source, "source", { uri });
   update({ choosing: false, atRest: false });
+}
+
+/** Let the webcam perform; what that needs is installed first, if the user wants it. */
+export async function performWebcam(): Promise<void> {
+  if (current().server?.installed.includes("camera") !== true) {
+    ask("camera", performWebcam);
+    return;
+  }
+  const uri = await device((each) => each.startsWith("camera:"), strings.sources.noWebcam);
+  if (uri !== null) await performLive(current().faces ? `${uri}?face&hands` : uri);
+}
+
+export async function performKinect(): Promise<void> {
+  const uri = await device((each) => each !== "" && !each.startsWith("camera:"), strings.sources.noKinect);
+  if (uri !== null) await performLive(uri);
+}
+
+/** The address of the first device that is plugged in and fits; null, and a message, without one. */
+async function device(fits: (uri: string) => boolean, absent: string): Promise<string | null> {
+  const sources = await request<Sources>(strings.busy.devices, "sources");
+  const uri = sources?.devices.find((each) => fits(each.uri))?.uri ?? null;
+  if (sources !== null) update({ sources, notice: uri === null ? { level: "warning", text: absent } : null });
+  return uri;
 }
 
 /** Make a recording the performer: all of it in a loop, or what it is trimmed to. */

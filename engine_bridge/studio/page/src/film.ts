@@ -1,6 +1,7 @@
 /** The film of the takes: edits, playing on the stage, the count-in, and making the video. */
 
 import type { Extra, FilmReply, FilmState, FilmTake, ServerState } from "./messages";
+import { type Film, endOf, filmOf } from "./model/film";
 import { type History, commit, type undo } from "./model/history";
 import { download, request } from "./requests";
 import { context } from "./sound";
@@ -15,41 +16,58 @@ let sending = 0;
 /** What changes in the page's state with a state of the server: a take that was recorded is a step that can be undone. */
 export function receivedFilm(state: State, server: ServerState): Partial<State> {
   const timed = JSON.stringify(state.server?.timeline) === JSON.stringify(server.timeline) ? state.timed : performance.now();
-  const same = JSON.stringify(state.film.present) === JSON.stringify(server.film.takes);
-  if (same || sending > 0) return { timed };
-  const first = state.server === null;
-  const film = first ? { ...state.film, present: server.film.takes } : commit(state.film, server.film.takes);
-  return { timed, film, clip: null };
+  const counted = state.count !== null || !hasBegun(server);
+  const recordedFrom = server.recording === null && state.count === null ? null : (state.recordedFrom ?? (counted ? null : performance.now()));
+  const [before, after] = [state.film.present, filmOf(server.film)];
+  if (JSON.stringify(before) === JSON.stringify(after) || sending > 0) return { timed, recordedFrom };
+  const recorded = state.server !== null && JSON.stringify(before.takes) !== JSON.stringify(after.takes);
+  return { timed, recordedFrom, film: recorded ? commit(state.film, after) : { ...state.film, present: after }, clip: null };
 }
 
-/** Show edited takes immediately, and send them. */
-export function editFilm(takes: readonly FilmTake[], change: Partial<State> = {}): void {
-  update((state) => ({ film: commit(state.film, takes), edited: "film", ...change }));
+/** Whether a take is being recorded whose count-in is over, perhaps one that another window has begun. */
+const hasBegun = ({ recording, stages }: ServerState): boolean =>
+  recording !== null && stages.some((stage) => stage.recording === recording && stage.count_in === 0);
+
+/** Show an edited film immediately, and send it. */
+export function editFilm(film: Film, change: Partial<State> = {}): void {
+  update((state) => ({ film: commit(state.film, film), edited: "film", ...change }));
   void send();
 }
 
+/** Replace the film's takes. */
+export function editTakes(takes: readonly FilmTake[], change: Partial<State> = {}): void {
+  editFilm({ ...current().film.present, takes }, change);
+}
+
+/** Replace tables of the film's scene. */
+export function editScene(change: Partial<Film["scene"]>): void {
+  const { present } = current().film;
+  editFilm({ ...present, scene: { ...present.scene, ...change } });
+}
+
 export function stepFilm(move: typeof undo): void {
-  update(({ film }) => ({ film: move<readonly FilmTake[]>(film), clip: null }));
+  update(({ film }) => ({ film: move<Film>(film), clip: null }));
   void send();
 }
 
 async function send(): Promise<void> {
   sending++;
-  const sent: History<readonly FilmTake[]> = current().film;
-  const reply = await request<FilmState>(strings.busy.film, "edit_film", { takes: sent.present });
+  const sent: History<Film> = current().film;
+  const reply = await request<FilmState>(strings.busy.film, "edit_film", sent.present);
   sending--;
   update(({ film, server, clip }) => {
     if (reply !== null && film.present !== sent.present) return {}; // edited meanwhile
-    const present = reply?.takes ?? server?.film.takes ?? []; // as the server has it: in the order of their times
-    const moved = present.some(({ file }, i) => file !== sent.present[i]?.file);
+    const present = filmOf(reply ?? server?.film ?? sent.present); // as the server has it: takes in the order of their times
+    const moved = present.takes.some(({ file }, i) => file !== sent.present.takes[i]?.file);
     return { film: { ...film, present }, clip: moved ? null : clip };
   });
 }
 
 /** Play the film on the stage from the playhead on, or pause. */
 export async function play(): Promise<void> {
-  const { server, playhead } = current();
+  const { server, playhead, film } = current();
   const timeline = server?.timeline ?? null;
+  if (server?.recording != null || film.present.takes.length === 0) return;
   if (timeline === null) await request(strings.busy.play, "play_film", { at: playhead });
   else await request(strings.busy.play, "pause", { on: !timeline.paused });
 }
@@ -66,17 +84,24 @@ export async function seek(seconds: number): Promise<void> {
 }
 
 /** The second of the film that is shown now. */
-export function position({ server, timed, playhead }: State): number {
+export function position(state: State): number {
+  const { server, timed, playhead } = state;
   const timeline = server?.timeline ?? null;
-  if (timeline === null) return playhead;
+  if (timeline === null) return server?.recording == null ? playhead : recordingAt(state) + recordedSeconds(state);
   const passed = timeline.paused ? 0 : (performance.now() - timed) / 1000;
   return Math.min(timeline.position + timeline.speed * passed, timeline.end);
 }
 
+/** How long the take is that is being recorded, in seconds; 0 during the count-in. */
+export const recordedSeconds = ({ recordedFrom }: State): number => recordedFrom === null ? 0 : (performance.now() - recordedFrom) / 1000;
+
+/** The second of the film at which the take begins that is being recorded: after the last one of its character. */
+export const recordingAt = ({ film, character }: State): number => endOf(film.present.takes.filter((take) => take.character === character));
+
 /** Show 3, 2, 1 and the clapper, each with its sound. */
 export async function countIn(seconds: number): Promise<void> {
   for (let left = seconds; left >= 0; left--) {
-    update({ count: left });
+    update(left === 0 ? { count: left, recordedFrom: performance.now() } : { count: left });
     sound(left === 0);
     await new Promise((resolve) => setTimeout(resolve, left === 0 ? 700 : 1000));
     if (current().count !== left) return; // it was stopped
@@ -101,14 +126,14 @@ function sound(clap: boolean): void {
 /** Record the microphone's sound with takes, or not. */
 export async function switchMicrophone(): Promise<void> {
   const { server } = current();
-  if (server?.microphone === false && !server.installed.includes("sound")) update({ asking: "sound" });
+  if (server?.microphone === false && !server.installed.includes("sound")) ask("sound", switchMicrophone);
   else await request(strings.busy.microphone, "microphone", { on: server?.microphone !== true });
 }
 
 /** Make the film, and show it. */
 export async function makeFilm(): Promise<void> {
   if (current().server?.installed.includes("film") === false) {
-    update({ asking: "film" });
+    ask("film", makeFilm);
     return;
   }
   const made = await request<FilmReply>(strings.busy.make, "make_film");
@@ -124,10 +149,18 @@ export function closeFilm(): void {
   update({ made: null });
 }
 
-/** Install what was asked for, and return whether that has worked. */
-export async function install(extra: Extra): Promise<boolean> {
+let whenInstalled = (): Promise<void> => Promise.resolve();
+
+/** Ask whether to install what something needs, which is done then. */
+export function ask(extra: Extra, then: () => Promise<void>): void {
+  whenInstalled = then;
+  update({ asking: extra });
+}
+
+/** Install what was asked for, and do what needs it. */
+export async function install(extra: Extra): Promise<void> {
   update({ asking: null });
-  return (await request(strings.busy.install, "install", { extra })) !== null;
+  if ((await request(strings.busy.install, "install", { extra })) !== null) await whenInstalled();
 }
 
 const pictures = new Map<string, string>();

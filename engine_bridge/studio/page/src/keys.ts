@@ -22,8 +22,9 @@ export function keys(event: KeyboardEvent): void {
   else if (command && key === "z") (event.shiftKey ? redo : undo)();
   else if (command && key === "y") redo();
   else if (key === "r" && !command && !(event.target instanceof HTMLSelectElement)) void toggleRecording();
-  else if (key === " " && !(event.target instanceof HTMLElement && event.target.matches("button, input, select, summary, video"))) void play();
-  else if (key === "escape") update({ selection: null, joint: null, channel: null, target: null, finding: null, tool: "select", drawn: [], clip: null, drawer: null, asking: null });
+  else if (key === " " && !(event.target instanceof HTMLElement && event.target.matches("input, select, summary, video, :focus-visible:is(button, [role])"))) void play();
+  else if (key === "?") update(({ help }) => ({ help: !help }));
+  else if (key === "escape") update({ help: false, selection: null, joint: null, channel: null, target: null, finding: null, tool: "select", drawn: [], clip: null, drawer: null, asking: null });
   else if (key === "enter" && current().drawn.length >= 2 && event.target === document.activeElement) finishLimb();
   else if (key === "delete" || key === "backspace") removeSelected();
   else return;

@@ -1,13 +1,16 @@
 /** The page: joins the state, the stream, the 3D view and the panels. */
 
-import { connect, edit, openFiles, pickPart, sampled, select } from "./actions";
+import { connect, edit, pickPart, sampled, select, show } from "./actions";
 import { Client } from "../../../../integrations/web/puppetline.js";
 import { address } from "./connection";
 import { draw } from "./dom";
-import { position } from "./film";
+import { rememberedFace } from "./face";
+import { editScene, position } from "./film";
+import { openFiles } from "./files";
 import { keys } from "./keys";
 import { figure } from "./panels/figure";
 import { meters } from "./panels/meters";
+import { withRow } from "./model/scene";
 import { movePlayhead } from "./panels/strip";
 import { put } from "./placing";
 import { connection, download } from "./requests";
@@ -32,6 +35,17 @@ const viewer = new Viewer(place, {
     else pickPart(part);
   },
   moved: edit,
+  chosen: show,
+  standing: (draft) => {
+    update({ draft });
+  },
+  stood: ({ name, ...change }) => {
+    editScene({ character: withRow(current().film.present.scene, name, change) });
+    update({ draft: null });
+  },
+  drawn: (name, picture) => {
+    update(({ portraits }) => ({ portraits: { ...portraits, [name]: picture } }));
+  },
   resting: () => {
     if (!current().atRest) update({ atRest: true });
   },
@@ -105,7 +119,8 @@ function scheduleTime(): void {
   const { server } = current();
   movePlayhead(current(), position(current()));
   playSounds(current(), (character, now) => viewer.serviceTime(character, now));
-  if (timeScheduled || server?.timeline == null || server.timeline.paused) return;
+  const runs = server?.recording != null || (server?.timeline != null && !server.timeline.paused);
+  if (timeScheduled || !runs) return;
   timeScheduled = true;
   requestAnimationFrame(() => {
     timeScheduled = false;
@@ -132,7 +147,7 @@ function render(state: State): void {
   scheduleTime();
   const slot = document.querySelector(".place");
   if (slot !== null && place.parentElement !== slot) slot.append(place);
-  if (character !== null) viewer.label(strings.viewer.label(character));
+  if (character !== null) viewer.label(state.face === "film" ? strings.viewer.filmLabel : strings.viewer.label(character));
   viewer.refresh(state);
 }
 
@@ -159,6 +174,13 @@ subscribe((state) => {
   follow(state);
   render(state);
 });
+/** What waits says for how long. */
+setInterval(() => {
+  const { busy, server } = current();
+  if (busy.length > 0 || server?.jobs.some(({ state }) => state === "running") === true) update({});
+}, 1000);
+
 listen();
+update({ face: rememberedFace() });
 render(current());
 connect();

@@ -2,7 +2,7 @@
 
 import type { Joint } from "./model/skeleton";
 
-export type UploadKind = "character" | "log" | "puppet";
+export type UploadKind = "character" | "log" | "puppet" | "video" | "sound" | "picture";
 
 export type Extra = "camera" | "film" | "sound";
 
@@ -99,6 +99,7 @@ export interface UploadReply {
   readonly kind: UploadKind;
   readonly name: string;
   readonly facts: Readonly<Record<string, unknown>>;
+  readonly file: string;
 }
 
 export interface ExportReply {
@@ -187,6 +188,7 @@ export interface TakeState {
 
 export interface FilmState {
   readonly takes: readonly FilmTake[];
+  readonly scene: FilmScene;
   readonly problem: string;
 }
 
@@ -362,6 +364,19 @@ export interface FilmTake {
   readonly mute: boolean;
 }
 
+export interface FilmScene {
+  readonly film: FilmFormat;
+  readonly sound: readonly FilmSound[];
+  readonly music: FilmMusic;
+  readonly camera: readonly FilmCamera[];
+  readonly background: FilmBackground;
+  readonly floor: FilmFloor;
+  readonly light: FilmLight;
+  readonly title: readonly FilmTitle[];
+  readonly bubble: readonly FilmBubble[];
+  readonly character: readonly FilmCharacter[];
+}
+
 export interface TimelineTake {
   readonly character: string;
   readonly take: string;
@@ -374,6 +389,91 @@ export interface Bend {
   readonly channel: string;
   readonly degrees: number;
   readonly axis?: Direction;
+}
+
+export interface FilmFormat {
+  readonly size?: readonly [number, number];
+  readonly fps?: number;
+  readonly seconds?: number | null;
+  readonly fade_in?: number;
+  readonly fade_out?: number;
+}
+
+export interface FilmSound {
+  readonly start?: number;
+  readonly stop?: number | null;
+  readonly file: string;
+  readonly at?: number;
+  readonly gain?: number;
+  readonly fade_in?: number;
+  readonly fade_out?: number;
+  readonly mute?: boolean;
+}
+
+export interface FilmMusic {
+  readonly loop?: "cheerful" | "calm" | "waltz" | "adventure" | "suspense" | null;
+  readonly file?: string | null;
+  readonly gain?: number;
+  readonly fade_in?: number;
+  readonly fade_out?: number;
+}
+
+export interface FilmCamera {
+  readonly at?: number;
+  readonly shot?: "wide" | "close" | "follow" | "over the shoulder";
+  readonly show?: readonly string[];
+  readonly behind?: string | null;
+  readonly azimuth?: number;
+  readonly elevation?: number;
+  readonly field_of_view?: number;
+  readonly zoom?: number;
+  readonly fade?: number;
+}
+
+export interface FilmBackground {
+  readonly set?: "studio" | "meadow" | "forest" | "beach" | "desert" | "snow" | "castle" | "city" | "night" | "stage" | "space" | "underwater" | null;
+  readonly color?: string | null;
+  readonly colors?: readonly [string, string] | null;
+  readonly picture?: string | null;
+}
+
+export interface FilmFloor {
+  readonly show?: boolean;
+  readonly color?: string | null;
+}
+
+export interface FilmLight {
+  readonly mood?: "day" | "evening" | "night" | "overcast" | "spotlight" | "water" | null;
+}
+
+export interface FilmTitle {
+  readonly at?: number;
+  readonly seconds?: number;
+  readonly size?: number;
+  readonly font?: string;
+  readonly text: string;
+  readonly place?: "top" | "middle" | "bottom";
+  readonly color?: string;
+  readonly fade?: number;
+}
+
+export interface FilmBubble {
+  readonly at?: number;
+  readonly seconds?: number;
+  readonly size?: number;
+  readonly font?: string;
+  readonly character: string;
+  readonly text?: string | null;
+  readonly kind?: "speech" | "thought" | "name";
+}
+
+export interface FilmCharacter {
+  readonly name: string;
+  readonly puppet: string;
+  readonly position?: readonly [number, number];
+  readonly turn?: number;
+  readonly height?: number | null;
+  readonly color?: string | null;
 }
 
 export interface TimelineSound {

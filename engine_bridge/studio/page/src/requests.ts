@@ -9,7 +9,7 @@ export const download = (id: string): Promise<Blob> => connection.download(id);
 
 /** Do work while the page shows `text`. If the work fails, the page shows the error, and the result is null. */
 export async function doing<T>(text: string, work: () => Promise<T>): Promise<T | null> {
-  update(({ busy }) => ({ busy: [...busy, text], notice: null }));
+  update(({ busy, since }) => ({ busy: [...busy, text], since: { ...since, [text]: performance.now() }, notice: null }));
   try {
     return await work();
   } catch (error) {

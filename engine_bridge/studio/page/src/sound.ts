@@ -30,7 +30,7 @@ export function context(): AudioContext {
 /** Play what is heard now; `shown` returns the service's time of a character's image at a moment of the page. */
 export function playSounds({ server, film }: State, shown: (character: string, now: number) => number | null): void {
   const timeline = server?.timeline ?? null;
-  const parts = server === null || timeline === null || timeline.paused ? [] : partsOf(timeline, server.takes, film.present);
+  const parts = server === null || timeline === null || timeline.paused ? [] : partsOf(timeline, server.takes, film.present.takes);
   const keys = new Set<string>();
   for (const part of parts) {
     const now = performance.now();

@@ -1,13 +1,17 @@
 /** The page's state, in one place: what the server has sent, and what the user has chosen in this window. */
 
-import type { ExportReply, Extra, FilmReply, FilmTake, Greeting, LookReply, ServerState, SmoothingReply, Sources } from "./messages";
+import type { ExportReply, Extra, FilmCharacter, FilmReply, Greeting, LookReply, ServerState, SmoothingReply, Sources } from "./messages";
+import { EMPTY, type Film } from "./model/film";
 import { type History, begin } from "./model/history";
 import type { Part, Puppet } from "./model/puppet";
 import type { Joint } from "./model/skeleton";
 import type { Vector } from "./model/vector";
 
 export type Connected = "connecting" | "open" | "lost" | "refused";
+/** What the page is for: to make films, or to look at and change how a character moves. */
+export type Face = "film" | "workshop";
 export type Tab = "limbs" | "motion" | "takes";
+export type FilmTab = "scene" | "character";
 export type Tool = "select" | "limb" | "handle" | "jaw";
 export type Dragging = "view" | "surface";
 
@@ -43,7 +47,10 @@ export interface State {
   readonly target: string | null;
   /** The channel whose range is being measured, and its neutral value as soon as it is known. */
   readonly finding: { readonly channel: string; readonly neutral: number | null } | null;
+  readonly face: Face;
+  /** The tab of the right panel in the workshop, and the one in the film. */
   readonly tab: Tab;
+  readonly filmTab: FilmTab;
   readonly tool: Tool;
   readonly dragging: Dragging;
   /** Points of the limb or jaw that is being added. */
@@ -51,6 +58,10 @@ export interface State {
   /** Whether the character is shown in its rest pose, to edit it. */
   readonly atRest: boolean;
   readonly bones: boolean;
+  /** The row of a character while its place or size is being dragged. */
+  readonly draft: ({ readonly name: string } & Partial<FilmCharacter>) | null;
+  /** Whether the webcam measures the face and the hands too. */
+  readonly faces: boolean;
   /** Whether the list of sources is open. */
   readonly choosing: boolean;
   /** Whether the choice of another character is open. */
@@ -67,8 +78,8 @@ export interface State {
   /** A value of `Greeting.forms`; empty for the one that suits the character. */
   readonly form: string;
   readonly exported: ExportReply | null;
-  /** The film's takes as edited here, with the steps that can be undone. */
-  readonly film: History<readonly FilmTake[]>;
+  /** The film as edited here, with the steps that can be undone. */
+  readonly film: History<Film>;
   /** What undo undoes: the last kind of edit. */
   readonly edited: "puppet" | "film";
   /** Number of the take that is chosen in the film. */
@@ -77,6 +88,8 @@ export interface State {
   readonly playhead: number;
   /** When the timeline was received, in milliseconds of the page. */
   readonly timed: number;
+  /** When the take began that is being recorded, in milliseconds of the page. */
+  readonly recordedFrom: number | null;
   /** What the count-in shows; 0 is the clapper. */
   readonly count: number | null;
   /** The film that was made. */
@@ -84,10 +97,16 @@ export interface State {
   /** What the page asks to install. */
   readonly asking: Extra | null;
   /** The side panel that is open in a narrow window. */
-  readonly drawer: "performer" | "tabs" | null;
+  readonly drawer: "left" | "right" | null;
+  /** Moving pictures of characters, as addresses: eight images side by side. */
+  readonly portraits: Readonly<Record<string, string>>;
+  /** Whether the list of keys is open. */
+  readonly help: boolean;
   readonly progress: Readonly<Record<string, { text: string; fraction: number }>>;
   /** What has been requested and not answered yet, in words. */
   readonly busy: readonly string[];
+  /** When each piece of work was first seen, in milliseconds of the page. */
+  readonly since: Readonly<Record<string, number>>;
   readonly notice: Notice | null;
   readonly dropping: boolean;
 }
@@ -105,12 +124,16 @@ export const INITIAL: State = {
   channel: null,
   target: null,
   finding: null,
+  face: "film",
   tab: "limbs",
+  filmTab: "scene",
   tool: "select",
   dragging: "view",
   drawn: [],
   atRest: false,
   bones: true,
+  draft: null,
+  faces: false,
   choosing: false,
   adding: false,
   sources: null,
@@ -123,17 +146,21 @@ export const INITIAL: State = {
   loop: true,
   form: "",
   exported: null,
-  film: begin([]),
+  film: begin(EMPTY),
   edited: "puppet",
   clip: null,
   playhead: 0,
   timed: 0,
+  recordedFrom: null,
   count: null,
   made: null,
   asking: null,
   drawer: null,
+  portraits: {},
+  help: false,
   progress: {},
   busy: [],
+  since: {},
   notice: null,
   dropping: false,
 };

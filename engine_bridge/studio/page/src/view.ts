@@ -3,10 +3,12 @@
 import { type Child, h } from "./dom";
 import type { Vector } from "./model/vector";
 import { banner } from "./panels/banner";
+import { characters } from "./panels/characters";
 import { empty } from "./panels/empty";
 import { covers } from "./panels/film";
 import { header } from "./panels/header";
 import { performer } from "./panels/performer";
+import { recording } from "./panels/recording";
 import { status } from "./panels/status";
 import { strip } from "./panels/strip";
 import { tabs } from "./panels/tabs";
@@ -19,6 +21,8 @@ export interface Shown {
   readonly drawnPerSecond: number;
   has: (character: string) => boolean;
   bounds: (character: string) => readonly [Vector, Vector] | null;
+  /** How tall a character is, in metres, if its row in the scene does not say so. */
+  height: (character: string) => number | null;
   fit: () => void;
 }
 
@@ -31,8 +35,8 @@ export function page(state: State, viewer: Shown): readonly Child[] {
     started
       ? h(
           "main",
-          { class: `studio ${state.drawer === null ? "" : `with-${state.drawer}`}`, key: "studio" },
-          performer(state),
+          { class: `studio ${state.face} ${state.drawer === null ? "" : `with-${state.drawer}`}`, key: "studio" },
+          state.face === "film" ? characters(state) : performer(state),
           h(
             "div",
             { class: "middle" },
@@ -41,10 +45,11 @@ export function page(state: State, viewer: Shown): readonly Child[] {
             toolbar(state, () => {
               viewer.fit();
             }),
-            toolHint(state),
+            state.face === "workshop" && toolHint(state),
+            recording(state),
             !viewer.has(character) && h("p", { class: "preparing", key: "preparing" }, strings.viewer.preparing(character)),
           ),
-          tabs(state, viewer.bounds(character)),
+          tabs(state, viewer.bounds(character), viewer.height(character)),
           strip(state),
         )
       : empty(state),

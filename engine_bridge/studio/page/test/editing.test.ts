@@ -281,7 +281,7 @@ test("characters are shown in turn, opened, closed and saved", async () => {
   await page.press("s", { ctrlKey: true, target: typing() });
   assert.deepEqual(page.server.asked("save_puppet"), [{ character: NAME }, { character: NAME }]);
   await page.field("Character").choose("Open another…");
-  await page.button("Back to the character").click();
+  await page.button("Back").click();
   await page.button(`Close ${NAME}`).click();
   assert.deepEqual(page.server.asked("close_character"), [{ character: NAME }]);
   await page.field("Character").choose("Open another…");
@@ -308,7 +308,7 @@ test("tabs are changed by arrow keys, and the pose, the bones and the drawers by
   await page.button("+ Limb").click();
   assert.ok(page.state.bones);
   await page.button("Performer").click();
-  assert.equal(page.state.drawer, "performer");
+  assert.equal(page.state.drawer, "left");
   await page.button("Performer").click();
   assert.equal(page.state.drawer, null);
 });

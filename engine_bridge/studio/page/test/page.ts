@@ -5,13 +5,14 @@ import { appendFileSync } from "node:fs";
 import { connect, sampled } from "../src/actions";
 import { type Child, type Node_ } from "../src/dom";
 import { keys } from "../src/keys";
-import type { CharacterState, FilmTake, Greeting, ServerError, ServerState, TakeState } from "../src/messages";
+import type { CharacterState, FilmScene, FilmTake, Greeting, ServerError, ServerState, TakeState, UploadKind } from "../src/messages";
+import { EMPTY } from "../src/model/film";
 import type { Limb, Puppet } from "../src/model/puppet";
 import type { Vector } from "../src/model/vector";
 import { figure } from "../src/panels/figure";
 import { meters } from "../src/panels/meters";
 import { put } from "../src/placing";
-import { INITIAL, current, subscribe, update } from "../src/store";
+import { type Face, INITIAL, current, subscribe, update } from "../src/store";
 import { page } from "../src/view";
 
 // ------------------------------------------------------------------------------------------------------- the clock
@@ -66,7 +67,7 @@ export const GREETING: Greeting = {
   joints: [],
   parents: {},
   forms: ["morph", "frames"],
-  suffixes: { character: [".glb", ".obj"], log: [".log"], puppet: [".toml"] },
+  suffixes: { character: [".glb", ".obj"], log: [".log"], puppet: [".toml"], video: [".mp4"], sound: [".mp3"], picture: [".png"] },
   limits: { upload_bytes: 1000, uploads: 5 },
   joined: false,
 };
@@ -108,7 +109,7 @@ const STATE: ServerState = {
   performers: [],
   recording: null,
   takes: [],
-  film: { takes: [], problem: "" },
+  film: { ...EMPTY, problem: "" },
   installed: ["camera", "film", "sound"],
   microphone: false,
   timeline: null,
@@ -138,8 +139,8 @@ export class Server {
       this.open(character as string, puppet as Puppet, { saved: false });
       return this.puppet(character as string);
     }],
-    ["edit_film", ({ takes }) => {
-      this.change({ film: { takes: takes as FilmTake[], problem: "" } });
+    ["edit_film", ({ takes, scene }) => {
+      this.change({ film: { takes: takes as FilmTake[], scene: scene as FilmScene, problem: "" } });
       return this.state.film;
     }],
     ["smoothing_preview", () => ({ times: [0, 1], measured: [0, 1], smoothed: [0, 0.5], measured_mm: 5, jitter_mm: 1, lag_ms: 60, rise_ms: 1, overshoot_mm: 0 })],
@@ -283,6 +284,8 @@ class Sound {
   readonly getChannelData = (): Float32Array => new Float32Array();
 }
 
+const KINDS: Readonly<Record<string, UploadKind>> = { toml: "puppet", log: "log", mp4: "video", mp3: "sound", png: "picture" };
+
 const storage = new Map<string, string>();
 const stored = (values: Map<string, string>): object => ({
   getItem: (key: string) => values.get(key) ?? null,
@@ -306,9 +309,9 @@ Object.assign(globalThis, {
   localStorage: stored(new Map()),
   fetch: (path: string, { body }: { body?: File }) => {
     if (body === undefined) return Promise.resolve({ ok: true, blob: () => Promise.resolve(new Blob([path])) });
-    const kind = body.name.endsWith(".toml") ? "puppet" : body.name.endsWith(".log") ? "log" : "character";
+    const kind = KINDS[body.name.split(".").at(-1) ?? ""] ?? "character";
     server.uploads.push(body.name);
-    return Promise.resolve({ ok: true, json: () => Promise.resolve({ upload: `id-of-${body.name.split(".")[0] ?? ""}`, kind, name: body.name }) });
+    return Promise.resolve({ ok: true, json: () => Promise.resolve({ upload: `id-of-${body.name.split(".")[0] ?? ""}`, kind, name: body.name, file: `media/${body.name}` }) });
   },
   document: {
     activeElement: null,
@@ -423,12 +426,12 @@ export class Page {
 
   private constructor(readonly server: Server) {}
 
-  static async open(prepare: (server: Server) => void = () => undefined): Promise<Page> {
+  static async open(prepare: (server: Server) => void = () => undefined, face: Face = "workshop"): Promise<Page> {
     server = new Server();
     server.open(NAME, PUPPET);
     prepare(server);
     shown = new Page(server);
-    update(INITIAL);
+    update({ ...INITIAL, face });
     connect();
     await soon();
     return shown;
@@ -474,7 +477,7 @@ export class Page {
   }
 
   private nodes(): (Node_ | string)[] {
-    const viewer = { drawnPerSecond: 30, has: () => true, bounds: () => [[-4, 0, -1], [4, 2, 1]] as const, fit: () => undefined };
+    const viewer = { drawnPerSecond: 30, has: () => true, bounds: () => [[-4, 0, -1], [4, 2, 1]] as const, height: () => 2, fit: () => undefined };
     const live = [figure(current(), this.joints, (joint) => {
       this.emphasised = joint;
     }), meters(current(), this.channels)];

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 
-import { openFiles } from "../src/actions";
+import { openFiles } from "../src/files";
 import { Page, chooser, pass } from "./page";
 
 const SOURCES = {
@@ -48,17 +48,25 @@ test("without a webcam or the program that it needs, the page says so, and insta
     server.change({ installed: [] });
   });
   await page.button("Change…").click();
-  assert.ok(page.button("Use my webcam").disabled);
-  assert.ok(page.text.includes("No webcam is plugged in."));
-  page.server.on("sources", () => SOURCES);
-  await page.button("Look again").click();
   await page.button("Use my webcam").click();
   await page.button("Not now").click();
   assert.deepEqual(page.server.asked("install"), []);
+  page.server.on("install", () => {
+    page.server.change({ installed: ["camera"] });
+    return {};
+  });
   await page.button("Use my webcam").click();
   await page.button("Yes, get it").click();
   assert.deepEqual(page.server.asked("install"), [{ extra: "camera" }]);
-  assert.deepEqual([page.state.asking, page.state.choosing], [null, true]);
+  await pass(1);
+  assert.ok(page.text.includes("No webcam was found."));
+  await page.button("Use my Kinect").click();
+  assert.ok(page.text.includes("No Kinect was found."));
+  assert.deepEqual(page.server.asked("source"), []);
+  page.server.on("sources", () => SOURCES);
+  await page.field("My face and my hands too").check(true);
+  await page.button("Use my webcam").click();
+  assert.deepEqual(page.server.asked("source"), [{ uri: "camera:0?face&hands" }]);
 });
 
 test("without a source, the page offers the example that walks, and nothing is recorded", async () => {
@@ -81,12 +89,16 @@ test("files that are chosen or dropped become a character or the performer, and 
   assert.deepEqual(page.server.uploads, ["dog.glb", "dog.toml"]);
   await openFiles([new File([""], "horse.glb")]);
   await page.button("Change…").click();
-  await page.button("Open a recording…").click();
-  assert.equal(chooser.accept, ".log");
+  await page.button("Open a video or recording…").click();
+  assert.equal(chooser.accept, ".log,.mp4");
   chooser.files = [new File([""], "walk.log")];
   chooser.onchange();
   await pass(1);
   assert.deepEqual(asked(), [["open_puppet", "id-of-dog"], ["open_character", "id-of-horse"], ["source", "id-of-walk"]]);
+  await openFiles([new File([""], "dance.mp4"), new File([""], "song.mp3"), new File([""], "beach.png")]);
+  assert.deepEqual(asked().at(-1), ["source", "id-of-dance"]);
+  const { music, background } = page.server.state.film.scene;
+  assert.deepEqual([music, background], [{ file: "media/song.mp3" }, { picture: "media/beach.png" }]);
 });
 
 test("performers in view are told, chosen, and calibrated", async () => {

@@ -2,6 +2,7 @@ import assert from "node:assert/strict";
 import test from "node:test";
 
 import type { Timeline } from "../src/messages";
+import { EMPTY } from "../src/model/film";
 import { playSounds } from "../src/sound";
 import { INITIAL, type State } from "../src/store";
 import { Page, clip, pass, take } from "./page";
@@ -91,7 +92,7 @@ test("a sound plays in step with the image of its character, again after a jump,
   play(101, 9, { paused: true });
   assert.ok(played.every(({ stopped }) => stopped));
   const before = played.length;
-  playSounds({ ...state(), film: { past: [], present: [{ ...clip("take-1", 0), mute: true }], future: [] } }, () => 101);
+  playSounds({ ...state(), film: { past: [], present: { ...EMPTY, takes: [{ ...clip("take-1", 0), mute: true }] }, future: [] } }, () => 101);
   playSounds(state(), () => null);
   assert.equal(played.length, before);
 });

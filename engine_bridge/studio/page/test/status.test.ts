@@ -33,6 +33,20 @@ test("a session of a server that has ended is replaced by the token of the addre
   assert.deepEqual(other.server.tokens, ["session", "once"]);
 });
 
+test("what waits says for how long, and for how long still as soon as that can be told", async () => {
+  const page = await Page.open((server) => server.hold("edit"));
+  await page.line("head").click();
+  await page.field("How far it moves").enter(2);
+  assert.deepEqual(page.every("small", "waited"), []);
+  await pass(4000);
+  assert.equal(page.every("small", "waited")[0]?.text, "for 4 seconds");
+  page.server.change({ jobs: [{ job: "job-1", title: "Making the film", text: "Drawing", fraction: 0, state: "running", result: null, error: null }] });
+  page.server.send({ event: "progress", job: "job-1", text: "Drawing", fraction: 0.1 });
+  await pass(10_000);
+  page.server.send({ event: "progress", job: "job-1", text: "Drawing", fraction: 0.25 });
+  assert.equal(page.every("small", "waited")[0]?.text, "about 30 seconds left");
+});
+
 test("another window gets an address of its own", async () => {
   const page = await Page.open((server) => server.on("invite", () => ({ address: "http://127.0.0.1:7480/#token=x" })));
   await page.button("Another window…").click();
@@ -54,10 +68,12 @@ test("the most important message is shown: the page's own, then the server's, bu
 
 test("the line at the bottom says what the service does, in numbers", async () => {
   const page = await Page.open();
-  for (const text of ["Service running", "30 frames per second", "30 images per second", "4.0 ms latency", "1 client", "0 dropped", "8 vertices"]) assert.ok(page.text.includes(text), text);
+  for (const text of ["Ready", "30 frames per second", "30 images per second", "4.0 ms latency", "1 client", "0 dropped", "8 vertices"]) assert.ok(page.text.includes(text), text);
   page.server.change({ service: { running: false, starting: true, address: "", restarts: 1, problem: "", text: "" } });
-  assert.ok(page.text.includes("Service starting…"));
+  assert.ok(page.text.includes("Getting ready…"));
   assert.ok(!page.text.includes("dropped"));
   page.server.change({ service: { running: false, starting: false, address: "", restarts: 1, problem: "", text: "" } });
-  assert.ok(page.text.includes("Service stopped"));
+  assert.ok(page.text.includes("The characters have stopped"));
+  page.server.change({ characters: [] }); // nothing is wrong before there is a character
+  assert.ok(page.text.includes("Ready"));
 });

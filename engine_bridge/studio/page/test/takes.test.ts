@@ -3,6 +3,7 @@ import test from "node:test";
 
 import type { Timeline } from "../src/messages";
 import { position } from "../src/film";
+import { EMPTY } from "../src/model/film";
 import { NAME, Page, clip, pass, saved, take, typing } from "./page";
 
 const TIMELINE: Timeline = { position: 1, moment: 0, start: 0, end: 8, speed: 2, paused: false, loop: false, takes: [] };
@@ -100,9 +101,9 @@ test("a take is recorded after a count of three, by a button or a key, and stopp
 
 test("a take of the film is moved, muted and deleted by keys and buttons, and each is undone", async () => {
   const page = await Page.open((server) => {
-    server.change({ takes: [take("take-1"), take("take-2")], film: { takes: [clip("take-1", 0), clip("take-2", 4)], problem: "" } });
+    server.change({ takes: [take("take-1"), take("take-2")], film: { ...EMPTY, takes: [clip("take-1", 0), clip("take-2", 4)], problem: "" } });
   });
-  const starts = (): unknown[] => [page.state.film.present, page.server.state.film.takes].map((takes) => takes.map(({ at, mute }) => [at, mute]));
+  const starts = (): unknown[] => [page.state.film.present.takes, page.server.state.film.takes].map((takes) => takes.map(({ at, mute }) => [at, mute]));
   const both = (...expected: unknown[]): void => {
     assert.deepEqual(starts(), [expected, expected]);
   };
@@ -133,24 +134,24 @@ test("a take of the film is moved, muted and deleted by keys and buttons, and ea
 
 test("a take that was recorded is a step of the film that can be undone, and a refused edit changes nothing", async () => {
   const page = await Page.open();
-  page.server.change({ film: { takes: [clip("take-1", 0)], problem: "" } });
+  page.server.change({ film: { ...EMPTY, takes: [clip("take-1", 0)], problem: "" } });
   await page.press("r");
   page.server.on("record_stop", () => ({ name: "take-1" }));
   page.server.change({ recording: "take-1" });
   await page.press("r");
   page.server.change({ recording: null });
   await page.press("z", { ctrlKey: true });
-  assert.deepEqual(page.server.asked("edit_film"), [{ takes: [] }]);
+  assert.deepEqual(page.server.asked("edit_film"), [EMPTY]);
   await page.press("y", { ctrlKey: true });
-  assert.deepEqual(page.server.asked("edit_film").at(-1), { takes: [clip("take-1", 0)] });
+  assert.deepEqual(page.server.asked("edit_film").at(-1), { ...EMPTY, takes: [clip("take-1", 0)] });
   page.server.refuse("edit_film", "the file");
   await page.every("button", "clip-button")[0]?.press("ArrowRight");
-  assert.deepEqual(page.state.film.present, [clip("take-1", 0)]);
+  assert.deepEqual(page.state.film.present.takes, [clip("take-1", 0)]);
 });
 
 test("the film plays from the playhead on, pauses, jumps, and stops", async () => {
   const page = await Page.open((server) => {
-    server.change({ film: { takes: [clip("take-1", 0)], problem: "The file is damaged." } });
+    server.change({ film: { ...EMPTY, takes: [clip("take-1", 0)], problem: "The file is damaged." } });
   });
   assert.ok(page.text.includes("The file is damaged."));
   await page.button("Play").click();
@@ -179,7 +180,7 @@ test("the film plays from the playhead on, pauses, jumps, and stops", async () =
 test("a film is made, shown and saved; what that needs is installed if the user wants it", async () => {
   const page = await Page.open((server) => {
     server.on("make_film", () => ({ file: "file-9", name: "film.mp4", seconds: 4, notes: ["Take 1 is short."] }));
-    server.change({ film: { takes: [clip("take-1", 0)], problem: "" }, installed: [] });
+    server.change({ film: { ...EMPTY, takes: [clip("take-1", 0)], problem: "" }, installed: [] });
   });
   await page.button("Make the film").click();
   assert.ok(page.text.includes("Make films?"));

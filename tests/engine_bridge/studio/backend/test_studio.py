@@ -228,6 +228,9 @@ def test_two_characters_have_the_same_performer_if_a_recording_plays(stage, blob
     assert NAME.fullmatch(stage.result("open_character", upload=upload)["character"])
     state = stage.until(lambda state: len(state["characters"]) == 2 and performing(state))
     assert [each["stage"] for each in state["characters"]] == ["figure_one", "blob_two"]
+    rows = stage.state["film"]["scene"]["character"]
+    assert [each["name"] for each in rows] == ["figure_one", "blob_two"]
+    assert rows[0]["position"] != rows[1]["position"]
     stage.result("source", uri="osc:0")
     state = stage.until(lambda state: state["banner"]["text"] == "No performer is in view of osc:0.")
     assert [each["stage"] for each in state["characters"]] == ["stage", "stage"]
@@ -236,6 +239,7 @@ def test_two_characters_have_the_same_performer_if_a_recording_plays(stage, blob
     stage.result("delete_upload", upload=upload)
     assert upload not in [each["upload"] for each in stage.state["uploads"]]
     assert not (stage.settings.folder / "characters" / "blob_two").exists()
+    assert stage.state["film"]["scene"]["character"] == rows[:1]
     assert [each["name"] for each in stage.until(performing)["characters"]] == ["figure_one"]
 
 

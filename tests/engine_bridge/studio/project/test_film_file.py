@@ -3,7 +3,18 @@
 import pytest
 
 from engine_bridge.film import scene
-from engine_bridge.film.scene import SceneError, TakeTable
+from engine_bridge.film.scene import (
+    BackgroundTable,
+    BubbleTable,
+    CameraTable,
+    CharacterTable,
+    FilmTable,
+    MusicTable,
+    SceneError,
+    TakeTable,
+    TitleTable,
+)
+from engine_bridge.studio.messages.film import FilmScene
 from engine_bridge.studio.project.film_file import FilmFile
 from puppetline.errors import ServiceError
 
@@ -62,6 +73,63 @@ def test_what_was_written_by_hand_stays_and_omitted_times_are_those_that_apply(f
     for line in ("# our first film", "height = 0.9 # as tall as Bello", 'text = "The end"', "fade = 1.0"):
         assert line in text
     assert film.takes == [first, second]
+
+
+def test_tables_of_the_scene_are_replaced_where_they_differ_and_come_back_as_they_were(film):
+    film.path.write_text(HAND)
+    before, takes = film.scene, film.takes
+    dog = CharacterTable(name="dog", puppet="/etc/passwd", position=(1.0, 0.0), height=0.5, color="red")
+    wanted = FilmScene(
+        film=FilmTable(size=(640, 360), fade_in=1.0),
+        character=(dog,),
+        music=MusicTable(loop="calm"),
+        camera=(CameraTable(), CameraTable(at=2.0, shot="close", show=("dog",))),
+        background=BackgroundTable(set="snow"),
+        title=before.title,
+        bubble=(BubbleTable(character="dog", text="Woof"),),
+    )
+    film.replace(takes, [], wanted)
+    assert film.scene == wanted.model_copy(update={"character": (dog.model_copy(update={"puppet": "dog.toml"}),)})
+    assert scene.load(film.path).title == before.title
+    text = film.path.read_text()
+    for line in ("# our first film", "size = [640, 360]", "height = 0.5 # as tall as Bello"):
+        assert line in text
+    film.replace(takes, [], before)
+    assert film.scene == before
+    film.replace(takes, [], before.model_copy(update={"character": ()}))
+    assert film.scene == before
+
+
+def test_new_characters_stand_beside_the_others_without_touching_them_and_leave_with_all_that_names_them(film):
+    widths = {"dog": 1.0, "dragon": 6.0, "cat": 0.4, "mouse": 0.1}
+    for name in widths:
+        film.introduce(name, widths)
+        film.introduce(name, widths)
+    places = {each.name: each.position[0] for each in film.scene.character}
+    assert places == {"dog": 0.0, "dragon": 3.8, "cat": -1.0, "mouse": -1.55}
+    shots = (CameraTable(show=("dog", "cat"), behind="cat"),)
+    bubbles = (BubbleTable(character="cat", kind="name"),)
+    film.replace([], [], film.scene.model_copy(update={"camera": shots, "bubble": bubbles}))
+    film.remove("cat")
+    assert film.scene.bubble == ()
+    assert film.scene.camera == (CameraTable(show=("dog",)),)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"camera": (CameraTable(show=("cat",)),)},
+        {"camera": (CameraTable(at=1.0), CameraTable(at=1.0))},
+        {"music": MusicTable(file="../secret.mp3")},
+        {"background": BackgroundTable(picture="/etc/passwd")},
+        {"title": (TitleTable(text="Hi", font="/etc/passwd"),)},
+    ],
+)
+def test_a_scene_that_does_not_fit_or_names_other_files_changes_nothing(film, wrong):
+    film.path.write_text(HAND)
+    with pytest.raises((SceneError, ServiceError)):
+        film.replace(film.takes, ["media/song.mp3"], film.scene.model_copy(update=wrong))
+    assert film.path.read_text() == HAND
 
 
 def test_two_takes_of_a_character_never_begin_at_the_same_time(film):

@@ -1,7 +1,9 @@
+import io
 import json
 import socket
 
 import pytest
+from PIL import Image
 
 
 def test_the_page_and_its_files_are_sent_with_their_headers(studio):
@@ -93,7 +95,7 @@ def test_no_address_leads_to_another_file(studio, path):
     [
         ("empty.obj", b"", "an empty file"),
         ("cow.glb", b"glTF\x02\0\0\0\xff\xff\xff\xff", None),
-        ("cow.png", b"\x89PNG\r\n", "a picture"),
+        ("cow.png", b"\x89PNG\r\n", "a damaged picture"),
         ("cow.toml", b"[character", "a syntax error"),
         ("../../../etc/cow.obj", b"f 1 2 3\n", None),
         ("take.log", b'{"puppetline": "skeleton log", "version": 2, "joints": []}\n', None),
@@ -108,6 +110,25 @@ def test_a_broken_upload_is_refused_and_deleted(studio, name, data, found):
     assert found is None or error["found"].startswith(found)
     assert studio.state["uploads"] == []
     assert list((studio.settings.folder / "uploads").iterdir()) == []
+
+
+def test_sounds_and_pictures_become_files_of_the_film_under_names_of_their_own_and_videos_are_kept(studio):
+    image = io.BytesIO()
+    Image.new("RGB", (2, 2)).save(image, "PNG")
+    files = [("../my park.PNG", image.getvalue(), "picture"), ("song.mp3", b"x", "sound"), ("song.mp3", b"y", "sound")]
+    replies = []
+    for name, data, kind in files:
+        status, reply = studio.upload(name, data)
+        assert (status, reply["kind"], reply["upload"]) == (200, kind, "")
+        assert (studio.settings.folder / reply["file"]).read_bytes() == data
+        replies.append(reply["file"])
+    assert replies == ["media/my_park.png", "media/song.mp3", "media/song-2.mp3"]
+    scene = {"music": {"file": "media/song.mp3"}, "background": {"picture": "media/my_park.png"}}
+    assert studio.result("edit_film", takes=[], scene=scene)["scene"]["music"]["file"] == "media/song.mp3"
+    assert studio.error("edit_film", takes=[], scene={"music": {"file": "media/../token"}})["where"] == "the request"
+    _, video = studio.upload("dance.MP4", b"x")
+    assert [(each["upload"], each["kind"]) for each in studio.state["uploads"]] == [(video["upload"], "video")]
+    studio.result("delete_upload", upload=video["upload"])
 
 
 def test_an_upload_that_is_too_large_is_refused_before_it_is_sent(studio):

@@ -1,6 +1,14 @@
-/** Edits of the film's takes. All of them return new takes; times are in seconds. */
+/** The film: its takes and its scene, and edits of takes, which return new takes; times are in seconds. */
 
-import type { FilmTake } from "../messages";
+import type { FilmState, FilmTake } from "../messages";
+
+/** What can be edited, and undone. */
+export type Film = Pick<FilmState, "takes" | "scene">;
+
+/** A film without takes, in a scene as it is when nothing was chosen. */
+export const EMPTY: Film = { takes: [], scene: { film: {}, sound: [], music: {}, camera: [], background: {}, floor: {}, light: {}, title: [], bubble: [], character: [] } };
+
+export const filmOf = ({ takes, scene }: Film): Film => ({ takes, scene });
 
 /** The shortest part of a take. */
 export const SHORTEST = 0.3;

@@ -1,10 +1,16 @@
 /** Messages: problems with their fixes, and the work in progress. */
 
 import { cancel } from "../actions";
-import { type Node_, h } from "../dom";
+import { type Child, type Node_, h } from "../dom";
 import { type State, update } from "../store";
 import { strings } from "../strings";
 import { button } from "./parts";
+
+/** Time after which a message says how long something has taken, in seconds. */
+const LEAST_SECONDS = 2;
+
+/** Share that is done from which on the rest can be estimated. */
+const LEAST_SHARE = 0.05;
 
 interface Words {
   readonly level: string;
@@ -13,10 +19,14 @@ interface Words {
   readonly dismiss: boolean;
 }
 
-function words({ connected, refusal, notice, server }: State): Words | null {
+function words({ connected, refusal, notice, server, greeting }: State): Words | null {
   const { banner } = strings;
-  if (connected === "refused") return { level: "error", text: refusal || banner.refused, fix: banner.refusedFix, dismiss: false };
-  if (connected === "lost") return { level: "error", text: banner.lost, fix: banner.lostFix, dismiss: false };
+  if (connected === "refused") {
+    // a studio that was started again has new addresses: nothing is wrong
+    if (greeting !== null) return { level: "info", text: banner.restarted, fix: banner.refusedFix, dismiss: false };
+    return { level: "error", text: refusal || banner.refused, fix: banner.refusedFix, dismiss: false };
+  }
+  if (connected === "lost") return { level: "warning", text: banner.lost, fix: banner.lostFix, dismiss: false };
   if (notice !== null) return { ...notice, fix: "", dismiss: true };
   if (server === null || server.banner.level === "none") return null;
   const isSaid = server.characters.length === 0 && server.banner.level === "info"; // on the empty page itself
@@ -48,14 +58,14 @@ export function banner(state: State): Node_ {
     h(
       "div",
       { role: "status", class: "slot" },
-      jobs.length === 0 && busy !== undefined && h("div", { class: "banner busy" }, h("span", { class: "spinner", "aria-hidden": "true" }), h("p", {}, busy)),
+      jobs.length === 0 && busy !== undefined && h("div", { class: "banner busy" }, h("span", { class: "spinner", "aria-hidden": "true" }), h("p", {}, busy, waited(state, busy))),
       jobs.map(({ job, title, text, fraction }) => {
         const now = state.progress[job] ?? { text, fraction };
         return h(
           "div",
           { class: "banner busy", key: job },
           h("span", { class: "spinner", "aria-hidden": "true" }),
-          h("p", {}, title, now.text !== "" && h("small", {}, now.text)),
+          h("p", {}, title, waited(state, job, now.fraction), now.text !== "" && h("small", {}, now.text)),
           h("progress", { max: 1, value: now.fraction > 0 ? String(now.fraction) : null, "aria-label": title }),
           button(strings.takes.cancel, () => {
             void cancel(job);
@@ -64,4 +74,13 @@ export function banner(state: State): Node_ {
       }),
     ),
   );
+}
+
+/** For how long something has been going on, and how long it still takes as far as its share that is done says so. */
+function waited({ since }: State, key: string, fraction = 0): Child {
+  const begun = since[key];
+  const seconds = begun === undefined ? 0 : (performance.now() - begun) / 1000;
+  if (seconds < LEAST_SECONDS) return null;
+  const left = fraction > LEAST_SHARE ? (seconds * (1 - fraction)) / fraction : null;
+  return h("small", { class: "waited" }, left === null ? strings.banner.waited(seconds) : strings.banner.left(left));
 }

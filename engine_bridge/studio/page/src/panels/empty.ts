@@ -1,24 +1,12 @@
 /** The page before there is a character: what to do, in one sentence, and where. */
 
-import { openExample, openFiles } from "../actions";
 import { type Node_, h } from "../dom";
+import { chooseFiles, openExample } from "../files";
 import { type State, isJoined, update } from "../store";
 import { strings } from "../strings";
 import { button } from "./parts";
 
 const FALLBACK = [".glb", ".gltf", ".obj", ".off", ".ply", ".stl"];
-
-/** Let the user choose files; the chooser shows those with these suffixes. */
-export function chooseFiles(suffixes: readonly string[]): void {
-  const input = document.createElement("input");
-  input.type = "file";
-  input.multiple = true;
-  input.accept = suffixes.join();
-  input.onchange = () => {
-    void openFiles([...(input.files ?? [])]);
-  };
-  input.click();
-}
 
 export function meshSuffixes({ greeting }: State): readonly string[] {
   return greeting?.suffixes.character ?? FALLBACK;

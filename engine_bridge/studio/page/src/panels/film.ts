@@ -2,13 +2,13 @@
 
 import { offer } from "../actions";
 import { type Child, type Node_, h } from "../dom";
-import { closeFilm, install, makeFilm, switchMicrophone } from "../film";
+import { closeFilm, install } from "../film";
 import { type State, update } from "../store";
 import { strings } from "../strings";
 import { button } from "./parts";
 
 export function covers(state: State): Child {
-  return [count(state), offered(state), made(state), asked(state)];
+  return [count(state), offered(state), made(state), asked(state), help(state)];
 }
 
 function count({ count: left }: State): Child {
@@ -61,16 +61,25 @@ function asked({ asking }: State): Child {
       "div",
       { class: "row" },
       button(words.yes, () => {
-        void install(asking).then((done) => {
-          if (done && asking === "film") void makeFilm();
-          if (done && asking === "sound") void switchMicrophone();
-          if (done && asking === "camera") update({ choosing: true });
-        });
+        void install(asking);
       }, { primary: true }),
       button(words.no, () => {
         update({ asking: null });
       }),
     ),
+  );
+}
+
+/** The keys of the page. */
+function help({ help: open }: State): Child {
+  const { keys: words } = strings;
+  if (!open) return null;
+  return dialog(
+    words.title,
+    h("dl", { class: "keys" }, words.list.map(([key, what]) => [h("dt", {}, h("kbd", {}, key)), h("dd", {}, what)])),
+    button(strings.film.close, () => {
+      update({ help: false });
+    }),
   );
 }
 

@@ -1,10 +1,11 @@
-/** The top line: which character, undo and redo, save, record. */
+/** The top line: the face of the page, undo and redo, and in the workshop which character, and save. */
 
 import { closeCharacter, redo, save, show, undo } from "../actions";
 import { type Node_, h } from "../dom";
-import { type State, isJoined, shownCharacter, update } from "../store";
+import { chooseFace } from "../face";
+import { type Face, type State, isJoined, shownCharacter, update } from "../store";
 import { strings } from "../strings";
-import { button, select } from "./parts";
+import { button, choice, select } from "./parts";
 
 const ANOTHER = " another";
 
@@ -19,8 +20,10 @@ export function header(state: State): Node_ {
     "header",
     { key: "header" },
     h("span", { class: "brand" }, h("span", { class: "logo", "aria-hidden": "true" }), strings.name),
+    server !== null && server.characters.length > 0 && choice<Face>(words.face, [["film", words.film], ["workshop", words.workshop]], state.face, chooseFace),
     server !== null &&
       shown !== null &&
+      state.face === "workshop" &&
       h(
         "div",
         { class: "row", key: "character" },
@@ -41,7 +44,7 @@ export function header(state: State): Node_ {
         }, { quiet: true, label: `${words.close} ${shown.name}`, disabled: !open, name: "close" }),
       ),
     h("span", { class: "space" }),
-    shown !== null && !adding && h("div", { class: "row drawers", key: "drawers" }, drawer(state, "performer"), drawer(state, "tabs")),
+    shown !== null && !adding && h("div", { class: "row drawers", key: "drawers" }, drawer(state, "left"), drawer(state, "right")),
     shown !== null &&
       !adding &&
       h(
@@ -49,18 +52,21 @@ export function header(state: State): Node_ {
         { class: "row edits", key: "edits" },
         button(words.undo, undo, { quiet: true, disabled: !history?.past.length, hint: `${words.undo} (Ctrl+Z)` }),
         button(words.redo, redo, { quiet: true, name: "wide", disabled: !history?.future.length, hint: `${words.redo} (Ctrl+Shift+Z)` }),
-        h("span", { class: "saved wide" }, shown.saved ? words.saved : words.unsaved),
-        button(words.save, () => {
-          void save(shown.name);
-        }, { disabled: !open, hint: `${words.save} (Ctrl+S)`, name: "save" }),
+        state.face === "workshop" && [
+          h("span", { class: "saved wide" }, shown.saved ? words.saved : words.unsaved),
+          button(words.save, () => {
+            void save(shown.name);
+          }, { disabled: !open, hint: `${words.save} (Ctrl+S)`, name: "save" }),
+        ],
       ),
   );
 }
 
 /** In a narrow window, a side panel is opened and closed. */
-function drawer(state: State, side: "performer" | "tabs"): Node_ {
+function drawer(state: State, side: "left" | "right"): Node_ {
   const open = state.drawer === side;
-  return button(strings.header[side], () => {
+  const words = strings.header[side];
+  return button(words[state.face], () => {
     update({ drawer: open ? null : side });
   }, { pressed: open });
 }

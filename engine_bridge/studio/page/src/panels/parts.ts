@@ -83,13 +83,14 @@ export function number(value: number, change: (value: number) => void, limits: {
   return h("input", { type: "number", value: String(round(value)), min, max, step: step ?? "any", onchange, "aria-label": label });
 }
 
-/** A slider with its number beside it: `slide` while it moves, `change` when it is released. */
+/** A slider with its value beside it, by default the number: `slide` while it moves, `change` when it is released. */
 export function slider(
   label: string,
   value: number,
   limits: { min: number; max: number; step: number },
   change: (value: number) => void,
   slide: (value: number) => void = () => undefined,
+  shown = String(round(value)),
 ): Node_ {
   const of = (event: Event): number => (event.target as HTMLInputElement).valueAsNumber;
   return h(
@@ -100,6 +101,7 @@ export function slider(
       type: "range",
       ...limits,
       value: String(value),
+      "aria-valuetext": shown,
       oninput: (event: Event) => {
         slide(of(event));
       },
@@ -107,7 +109,7 @@ export function slider(
         change(of(event));
       },
     }),
-    h("output", {}, String(round(value))),
+    h("output", {}, shown),
   );
 }
 
@@ -129,6 +131,17 @@ export function text(value: string, change: (value: string) => void): Node_ {
       else change(entered);
     },
   });
+}
+
+/** A text with its label; `change` gets what was entered, also nothing. */
+export function entry(label: string, value: string, change: (value: string) => void): Node_ {
+  const onchange = (event: Event): void => {
+    const input = event.target as HTMLInputElement;
+    const entered = input.value.trim();
+    input.value = value; // until the state has the new one
+    if (entered !== value) change(entered);
+  };
+  return field(label, h("input", { type: "text", value, maxlength: 120, onchange }));
 }
 
 /** Four significant digits. */

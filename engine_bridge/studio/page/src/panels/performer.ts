@@ -7,23 +7,22 @@ import { type State, isJoined, shownCharacter } from "../store";
 import { strings } from "../strings";
 import { button } from "./parts";
 import { seen } from "./seen";
-import { sources } from "./sources";
+import { chosenSource, sources } from "./sources";
 
 export function performer(state: State): Node_ {
   const { performer: words } = strings;
   const { server, choosing } = state;
   return h(
     "aside",
-    { class: "performer", "aria-label": words.title, key: "performer" },
+    { class: "left", "aria-label": words.title, key: "performer" },
     h("h2", {}, choosing ? strings.sources.title : words.title),
     choosing ? sources(state) : [sourceLine(state), server?.source.kind === "none" ? start() : body(state)],
   );
 }
 
 function sourceLine(state: State): Node_ {
-  const { server } = state;
   const { performer: words } = strings;
-  const text = server === null || server.source.kind === "none" ? words.none : server.source.text;
+  const text = chosenSource(state);
   return h(
     "div",
     { class: "source", key: "source" },
@@ -73,7 +72,7 @@ function body(state: State): Node_ {
 }
 
 /** The performers in view, and which of them drives the shown character; with the first choice, the service decides. */
-function performers(all: readonly PerformerState[], shown: CharacterState | null): Child {
+export function performers(all: readonly PerformerState[], shown: CharacterState | null): Child {
   const { performer: words } = strings;
   const here = all.filter(({ stage }) => stage === shown?.stage);
   return [

@@ -1,51 +1,25 @@
-/** All available sources: examples, recordings, sensors, and ports with what arrives there. */
+/** All available sources: examples, recordings, sensors, and ports with what arrives there. Those above stay where they are. */
 
-import { lookAgain, perform, performLive } from "../actions";
+import { lookAgain, perform, performKinect, performLive, performWebcam } from "../actions";
 import { type Child, type Node_, h } from "../dom";
+import { chooseFiles } from "../files";
 import type { Device, Port } from "../messages";
 import { type State, update } from "../store";
 import { strings } from "../strings";
-import { chooseFiles } from "./empty";
-import { button } from "./parts";
-
-const EXAMPLES = Object.keys(strings.performances);
+import { button, checkbox } from "./parts";
 
 export function sources(state: State): Node_ {
-  const { sources: words, performances } = strings;
-  const { server } = state;
+  const { sources: words } = strings;
   const found = state.sources;
-  const logs = (server?.uploads ?? []).filter(({ kind }) => kind === "log");
   return h(
     "div",
     { class: "sources stack", key: "sources" },
     button(`‹ ${strings.performer.done}`, () => {
       update({ choosing: false });
     }, { quiet: true, back: true }),
-    group(words.you, you(state)),
-    group(
-      words.examples,
-      h(
-        "div",
-        { class: "row" },
-        (found?.examples ?? EXAMPLES).map((name) =>
-          button(performances[name] ?? name, () => {
-            void perform({ kind: "example", name });
-          }, { pressed: server?.source.kind === "example" && server.source.name === name }),
-        ),
-      ),
-    ),
-    group(
-      words.recordings,
-      logs.map(({ upload, name }) =>
-        button(name, () => {
-          void perform({ kind: "upload", name: upload });
-        }, { key: upload, pressed: server?.source.kind === "upload" && server.source.name === upload }),
-      ),
-      button(words.drop, () => {
-        chooseFiles(state.greeting?.suffixes.log ?? []);
-      }),
-      h("p", { class: "small" }, words.dropHint),
-    ),
+    you(state),
+    examples(state),
+    recordings(state),
     button(words.again, () => {
       void lookAgain();
     }, { disabled: found === null }),
@@ -63,25 +37,64 @@ export function sources(state: State): Node_ {
   );
 }
 
+/** What performs now, in words. */
+export function chosenSource({ server }: State): string {
+  const { source } = server ?? {};
+  if (source === undefined || source.kind === "none") return strings.performer.none;
+  return source.kind === "example" ? (strings.performances[source.name] ?? source.name) : source.text;
+}
+
 /** The webcam and the Kinect, in two large buttons. */
-function you({ sources: found, server }: State): Child {
+export function you({ server, busy, faces }: State): Node_ {
   const { sources: words } = strings;
-  if (found === null) return h("p", { class: "small" }, words.listening);
-  const webcam = found.devices.find(({ uri }) => uri.startsWith("camera:"));
-  const kinect = found.devices.find(({ uri }) => uri !== "" && !uri.startsWith("camera:"));
-  return [
+  const looking = busy.includes(strings.busy.devices);
+  const performs = (scheme: string): boolean => server?.source.kind === "live" && server.source.uri.startsWith(scheme);
+  return group(
+    words.you,
     button(words.webcam, () => {
-      if (webcam === undefined) return;
-      if (server?.installed.includes("camera") === true) void performLive(webcam.uri);
-      else update({ asking: "camera" });
-    }, { key: "webcam", disabled: webcam === undefined }),
-    webcam === undefined && h("p", { class: "small" }, words.noWebcam),
-    kinect !== undefined
-      ? button(words.kinect, () => {
-          void performLive(kinect.uri);
-        }, { key: "kinect" })
-      : h("details", { key: "no-kinect" }, h("summary", {}, words.plugKinect), h("p", { class: "small" }, words.kinectHelp)),
-  ];
+      void performWebcam();
+    }, { key: "webcam", disabled: looking, pressed: performs("camera:") }),
+    checkbox(words.faces, faces, (on) => {
+      update({ faces: on });
+      if (performs("camera:")) void performWebcam();
+    }, looking),
+    button(words.kinect, () => {
+      void performKinect();
+    }, { key: "kinect", disabled: looking, pressed: server?.source.kind === "live" && !performs("camera:") }),
+  );
+}
+
+export function examples({ server }: State): Node_ {
+  const { sources: words, performances } = strings;
+  return group(
+    words.examples,
+    h(
+      "div",
+      { class: "row" },
+      Object.entries(performances).map(([name, title]) =>
+        button(title, () => {
+          void perform({ kind: "example", name });
+        }, { pressed: server?.source.kind === "example" && server.source.name === name }),
+      ),
+    ),
+  );
+}
+
+export function recordings({ server, greeting }: State): Node_ {
+  const { sources: words } = strings;
+  const uploads = (server?.uploads ?? []).filter(({ kind }) => kind === "log" || kind === "video");
+  return group(
+    words.recordings,
+    uploads.map(({ upload, name }) =>
+      button(name, () => {
+        void perform({ kind: "upload", name: upload });
+      }, { key: upload, pressed: server?.source.kind === "upload" && server.source.name === name }),
+    ),
+    button(words.drop, () => {
+      chooseFiles([...(greeting?.suffixes.log ?? []), ...(greeting?.suffixes.video ?? [])]);
+    }),
+    h("p", { class: "small" }, words.dropHint),
+  );
 }
 
 function devices(found: readonly Device[]): Child {

@@ -2,7 +2,7 @@
 
 import { invite } from "../actions";
 import { type Node_, h } from "../dom";
-import { type State, shownCharacter } from "../store";
+import { type State, shownCharacter, update } from "../store";
 import { strings } from "../strings";
 import { button } from "./parts";
 
@@ -12,16 +12,20 @@ export function status(state: State, drawn: number): Node_ {
   const shown = shownCharacter(state);
   const service = server?.service;
   const running = connected === "open" && service?.running === true;
+  const starting = service?.starting === true || connected === "connecting";
+  const idle = connected === "open" && service?.problem === "" && server?.characters.length === 0;
   const text =
     connected === "connecting" ? banner.connecting
+    : connected !== "open" ? words.away
+    : idle ? words.service.idle
     : running ? words.service.running
-    : service?.starting === true ? words.service.starting
+    : starting ? words.service.starting
     : words.service.stopped;
-  const numbers = running && server !== null ? server.status : null;
+  const numbers = running && server !== null && state.face === "workshop" ? server.status : null;
   return h(
     "footer",
     { "aria-label": words.label, key: "status" },
-    h("span", { class: `lamp ${running ? "on" : service?.starting === true ? "starting" : "off"}`, "aria-hidden": "true" }),
+    h("span", { class: `lamp ${running || idle ? "on" : starting ? "starting" : "off"}`, "aria-hidden": "true" }),
     h("span", {}, text),
     numbers !== null && h(
       "details",
@@ -34,7 +38,10 @@ export function status(state: State, drawn: number): Node_ {
       h("span", { key: "drops" }, words.drops(numbers.drops)),
     ),
     h("span", { class: "space" }),
-    shown !== null && shown.vertices > 0 && h("span", { key: "vertices", class: "vertices" }, words.vertices(shown.vertices)),
+    shown !== null && shown.vertices > 0 && state.face === "workshop" && h("span", { key: "vertices", class: "vertices" }, words.vertices(shown.vertices)),
+    button(words.keys, () => {
+      update({ help: true });
+    }, { quiet: true, key: "keys", name: "wide" }),
     connected === "open" &&
       button(words.invite, () => {
         void invite();

@@ -2,12 +2,14 @@
 
 import { record, show } from "../actions";
 import { type Child, type Node_, h } from "../dom";
-import { editFilm, makeFilm, pictureOf, play, seek, stopPlaying, switchMicrophone } from "../film";
+import { editTakes, makeFilm, pictureOf, play, recordedSeconds, recordingAt, seek, stopPlaying, switchMicrophone } from "../film";
 import type { FilmTake, ServerState } from "../messages";
 import { beginOf, endOf, move, mute, nameOf, remove, secondsOf, trimStart, trimStop } from "../model/film";
+import { titleOf } from "../model/scene";
 import { type State, current, isJoined, update } from "../store";
 import { strings } from "../strings";
 import { button } from "./parts";
+import { clock } from "./recording";
 
 /** Shortest film that the strip has room for, in seconds. */
 const SHORTEST_STRIP = 12;
@@ -15,8 +17,9 @@ const SHORTEST_STRIP = 12;
 export function strip(state: State): Node_ {
   const { film: words } = strings;
   const { server, film, clip } = state;
-  const takes = film.present;
+  const { takes } = film.present;
   const joined = isJoined(state);
+  const busy = server?.recording != null || state.count !== null;
   return h(
     "section",
     { class: "strip", "aria-label": words.title, key: "strip" },
@@ -27,10 +30,10 @@ export function strip(state: State): Node_ {
       !joined && [
         button(words.microphone, () => {
           void switchMicrophone();
-        }, { pressed: server?.microphone === true, disabled: server?.recording != null, hint: words.microphoneHint }),
+        }, { pressed: server?.microphone === true, disabled: busy, hint: words.microphoneHint, name: "microphone" }),
         button(server?.timeline == null || server.timeline.paused ? words.play : words.pause, () => {
           void play();
-        }, { disabled: takes.length === 0 || server?.recording != null, hint: words.playHint }),
+        }, { disabled: takes.length === 0 || busy, hint: words.playHint, name: "play" }),
         server?.timeline != null && server.recording === null && button(words.stop, () => {
           void stopPlaying();
         }, { quiet: true, key: "stop-playing" }),
@@ -39,10 +42,10 @@ export function strip(state: State): Node_ {
         h("span", { class: "time", raw: true }),
         button(words.make, () => {
           void makeFilm();
-        }, { primary: true, disabled: takes.every((take) => take.mute) || state.busy.includes(strings.busy.make) }),
+        }, { primary: true, disabled: busy || takes.every((take) => take.mute) || state.busy.includes(strings.busy.make), name: "make" }),
       ],
     ),
-    !joined && server !== null && (takes.length === 0 && server.film.problem === "" ? h("p", { class: "small" }, words.none) : lanes(state, server)),
+    !joined && server !== null && (takes.length === 0 && server.film.problem === "" && !busy ? h("p", { class: "small" }, words.none) : lanes(state, server)),
     server !== null && server.film.problem !== "" && h("p", { class: "small", role: "alert" }, server.film.problem),
   );
 }
@@ -53,31 +56,34 @@ function recordButton({ server, connected, character, count }: State): Node_ {
   if ((server?.recording ?? null) !== null || count !== null) {
     return button(words.stopRecording, () => {
       void record(false);
-    }, { primary: true, danger: true, disabled: !open, key: "stop" });
+    }, { primary: true, danger: true, disabled: !open, key: "stop", name: "stop" });
   }
   const nobody = server?.source.kind === "none" || character === null;
   return button(words.record, () => {
     void record(true);
-  }, { danger: true, disabled: !open || nobody, key: "record", hint: words.recordHint });
+  }, { danger: true, disabled: !open || nobody, key: "record", hint: words.recordHint, name: "record" });
 }
 
 function chosen(takes: readonly FilmTake[], clip: number): Child {
   const { film: words } = strings;
   return [
     button(takes[clip]?.mute === true ? words.unmute : words.mute, () => {
-      editFilm(mute(takes, clip));
+      editTakes(mute(takes, clip));
     }, { key: "mute" }),
     button(words.remove, () => {
-      editFilm(remove(takes, clip), { clip: null });
+      editTakes(remove(takes, clip), { clip: null });
     }, { key: "remove" }),
   ];
 }
 
-/** Seconds that the strip shows. */
-const widthOf = (takes: readonly FilmTake[]): number => Math.max(SHORTEST_STRIP, endOf(takes) + 2);
+/** Seconds that the strip shows; a take that is being recorded grows in it. */
+const widthOf = (state: State): number =>
+  Math.max(SHORTEST_STRIP, endOf(state.film.present.takes) + 2, state.server?.recording == null ? 0 : recordingAt(state) + recordedSeconds(state) + 2);
 
 function lanes(state: State, server: ServerState): Node_ {
-  const takes = state.film.present;
+  const { film: words } = strings;
+  const { takes } = state.film.present;
+  const named = (name: string): string => titleOf(name, server.characters.find((each) => each.name === name)?.title ?? "");
   const names = [...new Set([...server.characters.map(({ name }) => name), ...takes.map(({ character }) => character)])];
   return h(
     "div",
@@ -86,7 +92,7 @@ function lanes(state: State, server: ServerState): Node_ {
       h(
         "div",
         { class: "lane", key: name },
-        button(name, () => {
+        button(named(name), () => {
           show(name);
         }, { pressed: name === state.character, disabled: !server.characters.some((each) => each.name === name) }),
         h(
@@ -97,10 +103,13 @@ function lanes(state: State, server: ServerState): Node_ {
             onpointerdown: (event: PointerEvent) => {
               const box = (event.currentTarget as Element).getBoundingClientRect();
               if (event.target === event.currentTarget) update({ clip: null });
-              if (event.target === event.currentTarget) void seek(((event.clientX - box.left) / box.width) * widthOf(current().film.present));
+              if (event.target === event.currentTarget) void seek(((event.clientX - box.left) / box.width) * widthOf(current()));
             },
           },
-          takes.map((take, i) => take.character === name && clip(state, server, take, i)),
+          takes.map((take, i) => take.character === name && clip(state, server, take, i, named(name))),
+          server.recording !== null && name === state.character && h("div", { class: "clip growing", raw: true, key: "growing" }),
+          !takes.some((take) => take.character === name) && !(server.recording !== null && name === state.character) &&
+            h("p", { class: "small without", key: "without" }, words.without(named(name))),
         ),
       ),
     ),
@@ -108,10 +117,10 @@ function lanes(state: State, server: ServerState): Node_ {
   );
 }
 
-function clip(state: State, server: ServerState, take: FilmTake, index: number): Node_ {
+function clip(state: State, server: ServerState, take: FilmTake, index: number, character: string): Node_ {
   const { film: words } = strings;
   const recorded = server.takes.find(({ name }) => name === nameOf(take));
-  const width = widthOf(state.film.present);
+  const width = widthOf(state);
   const percent = (seconds: number): string => `${(100 * seconds) / width}%`;
   const picture = pictureOf(recorded?.picture ?? "");
   const wave = pictureOf(recorded?.wave ?? "");
@@ -127,7 +136,7 @@ function clip(state: State, server: ServerState, take: FilmTake, index: number):
         type: "button",
         class: "clip-button",
         "aria-pressed": String(state.clip === index),
-        "aria-label": words.clip(title, take.character, beginOf(take), take.mute),
+        "aria-label": words.clip(title, character, beginOf(take), take.mute),
         title,
         onclick: () => {
           update({ clip: index });
@@ -145,7 +154,7 @@ function clip(state: State, server: ServerState, take: FilmTake, index: number):
   );
 }
 
-const take_ = (): readonly FilmTake[] => current().film.present;
+const take_ = (): readonly FilmTake[] => current().film.present.takes;
 
 /** The part of the wave form that is heard. */
 function waveStyle(url: string, { start }: FilmTake, whole: number): string {
@@ -156,8 +165,8 @@ function waveStyle(url: string, { start }: FilmTake, whole: number): string {
 /** Move a take or its edge with the arrow keys by a tenth of a second, and delete it. */
 function keys(event: KeyboardEvent, index: number): void {
   const by = event.key === "ArrowRight" ? 0.1 : event.key === "ArrowLeft" ? -0.1 : 0;
-  if (by !== 0) editFilm(move(take_(), index, by));
-  else if (event.key === "Delete" || event.key === "Backspace") editFilm(remove(take_(), index), { clip: null });
+  if (by !== 0) editTakes(move(take_(), index, by));
+  else if (event.key === "Delete" || event.key === "Backspace") editTakes(remove(take_(), index), { clip: null });
   else return;
   event.preventDefault();
   event.stopPropagation();
@@ -170,7 +179,7 @@ function drag(edit: (by: number, character?: string) => readonly FilmTake[]): (e
     const track = target.closest(".track");
     if (track === null || !down.isPrimary) return;
     const clipElement = target.closest<HTMLElement>(".clip");
-    const scale = widthOf(take_()) / track.getBoundingClientRect().width;
+    const scale = widthOf(current()) / track.getBoundingClientRect().width;
     target.setPointerCapture(down.pointerId);
     let takes: readonly FilmTake[] | null = null;
     target.onpointermove = (event) => {
@@ -182,7 +191,7 @@ function drag(edit: (by: number, character?: string) => readonly FilmTake[]): (e
     };
     target.onpointerup = target.onpointercancel = (event) => {
       target.onpointermove = target.onpointerup = target.onpointercancel = null;
-      if (takes !== null && event.type === "pointerup") editFilm(takes);
+      if (takes !== null && event.type === "pointerup") editTakes(takes);
       else update({});
       if (clipElement !== null) clipElement.style.translate = "";
     };
@@ -196,16 +205,24 @@ function preview(element: HTMLElement, takes: readonly FilmTake[], down: number)
   const before = take_().map((take, i) => [take, i] as const).filter(([take]) => take.character === own)[index]?.[1];
   const take = before === undefined ? undefined : takes[before];
   if (take === undefined) return;
-  const width = widthOf(take_());
+  const width = widthOf(current());
   element.style.left = `${(100 * beginOf(take)) / width}%`;
   element.style.width = `${(100 * secondsOf(take)) / width}%`;
   element.style.translate = take.character === own ? "" : `0 ${down}px`;
 }
 
-/** Place the playhead and the time, which change in every image. */
+/** Place what changes in every image: the playhead, the time, and the take that is being recorded. */
 export function movePlayhead(state: State, seconds: number): void {
+  const width = widthOf(state);
   const head = document.querySelector<HTMLElement>(".playhead");
-  if (head !== null) head.style.setProperty("--at", String(Math.min(seconds / widthOf(state.film.present), 1)));
+  if (head !== null) head.style.setProperty("--at", String(Math.min(seconds / width, 1)));
+  const growing = document.querySelector<HTMLElement>(".growing");
+  if (growing !== null) {
+    growing.style.left = `${(100 * recordingAt(state)) / width}%`;
+    growing.style.width = `${(100 * recordedSeconds(state)) / width}%`;
+  }
+  const recorded = document.querySelector(".recorded");
+  if (recorded !== null) recorded.textContent = clock(recordedSeconds(state));
   const time = document.querySelector(".strip .time");
   const text = `${seconds.toFixed(1)} s`;
   if (time !== null && time.textContent !== text) time.textContent = text;

@@ -1,25 +1,39 @@
-/** The right panel: its tabs. */
+/** The right panel: its tabs, which the two faces have of their own. */
 
 import { type Node_, h } from "../dom";
 import type { Vector } from "../model/vector";
-import { type State, type Tab, update } from "../store";
+import { type FilmTab, type State, type Tab, update } from "../store";
 import { strings } from "../strings";
+import { character } from "./character";
 import { limbs } from "./limbs";
 import { motion } from "./motion";
+import { scene } from "./scene";
 import { takes } from "./takes";
 
-const TABS: readonly Tab[] = ["limbs", "motion", "takes"];
+const WORKSHOP: readonly Tab[] = ["limbs", "motion", "takes"];
+const FILM: readonly FilmTab[] = ["scene", "character"];
 
-export function tabs(state: State, bounds: readonly [Vector, Vector] | null): Node_ {
+/** The tabs; `bounds` is the box of the shown character at rest, and `height` its height in metres. */
+export function tabs(state: State, bounds: readonly [Vector, Vector] | null, height: number | null): Node_ {
+  if (state.face === "film") {
+    return panel(FILM, state.filmTab, state.filmTab === "scene" ? scene(state) : character(state, height), (filmTab) => {
+      update({ filmTab });
+    });
+  }
   const { tab } = state;
-  const content = tab === "limbs" ? limbs(state, bounds) : tab === "motion" ? motion(state) : takes(state);
+  return panel(WORKSHOP, tab, tab === "limbs" ? limbs(state, bounds) : tab === "motion" ? motion(state) : takes(state), (next) => {
+    update({ tab: next });
+  });
+}
+
+function panel<T extends Tab | FilmTab>(names: readonly T[], tab: T, content: Node_, choose: (tab: T) => void): Node_ {
   return h(
     "aside",
-    { class: "tabbed", "aria-label": strings[tab].tab, key: "tabs" },
+    { class: "right tabbed", "aria-label": strings[tab].tab, key: "tabs" },
     h(
       "div",
       { class: "tabs", role: "tablist" },
-      TABS.map((name, i) =>
+      names.map((name, i) =>
         h(
           "button",
           {
@@ -30,13 +44,13 @@ export function tabs(state: State, bounds: readonly [Vector, Vector] | null): No
             "aria-controls": "tab-panel",
             tabindex: name === tab ? 0 : -1,
             onclick: () => {
-              update({ tab: name });
+              choose(name);
             },
             onkeydown: ({ key }: KeyboardEvent) => {
-              const step = key === "ArrowRight" ? 1 : key === "ArrowLeft" ? TABS.length - 1 : 0;
-              const next = TABS[(i + step) % TABS.length];
+              const step = key === "ArrowRight" ? 1 : key === "ArrowLeft" ? names.length - 1 : 0;
+              const next = names[(i + step) % names.length];
               if (step === 0 || next === undefined) return;
-              update({ tab: next });
+              choose(next);
               document.getElementById(`tab-${next}`)?.focus();
             },
           },

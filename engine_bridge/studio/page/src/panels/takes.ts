@@ -2,7 +2,7 @@
 
 import { deleteTake, deleteUpload, exportRecording, offer, perform } from "../actions";
 import { type Child, type Node_, h } from "../dom";
-import { editFilm, pictureOf } from "../film";
+import { editTakes, pictureOf } from "../film";
 import { append } from "../model/film";
 import { type Recording, type State, isJoined, update } from "../store";
 import { strings } from "../strings";
@@ -82,7 +82,7 @@ function chosen(state: State, recording: Recording): Child {
       take !== undefined &&
         state.character !== null &&
         button(words.toFilm, () => {
-          if (state.character !== null) editFilm(append(state.film.present, state.character, take.name));
+          if (state.character !== null) editTakes(append(state.film.present.takes, state.character, take.name));
         }),
       take !== undefined &&
         button(words.remove(take.name), () => {

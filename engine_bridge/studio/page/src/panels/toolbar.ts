@@ -9,6 +9,7 @@ import { button, checkbox, choice } from "./parts";
 
 export function toolbar(state: State, fit: () => void): Node_ {
   const { viewer: words } = strings;
+  if (state.face === "film") return h("div", { class: "toolbar", key: "toolbar" }, button(words.fitAll, fit, { quiet: true }));
   const tools: [Tool, string][] = [
     ["select", words.select],
     ["limb", words.addLimb],

@@ -1,12 +1,13 @@
 /** One streamed character in the 3D view: its mesh, its present pose, and its materials. */
 
-import { Group, type Object3D, Vector3 } from "three";
+import { Box3, Group, Matrix4, type Object3D, Quaternion, Vector3 } from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 
 import { Character, type Client, JitterBuffer } from "../../../../../integrations/web/puppetline.js";
 import { PuppetMesh } from "../../../../../integrations/web/puppetline-three.js";
+import type { FilmCharacter } from "../messages";
 import { axis } from "../model/puppet";
-import { type Vector, cross } from "../model/vector";
+import { type Vector, cross, dot } from "../model/vector";
 import { carried, nearest } from "./blend";
 
 export type Scene = NonNullable<Character["scene"]>;
@@ -16,12 +17,13 @@ type Frame = NonNullable<Character["frame"]>;
 const DELAY = 1 / 60;
 
 export class Figure {
-  /** Stands the character upright, its front towards +z, in metres. */
+  /** Stands the character upright on the floor, its front towards +z, in metres. */
   readonly group = new Group();
   mesh: PuppetMesh | null = null;
   private buffer = new JitterBuffer(DELAY);
   private readonly character: Character;
   private readonly around = new Map<string, number[]>();
+  private upright = new Quaternion();
   private rest: Frame | null = null;
   private shown: readonly unknown[] = [];
   /** When the buffer was asked last, in seconds of the page. */
@@ -123,14 +125,37 @@ export class Figure {
     return [mix(0), mix(1), mix(2)];
   }
 
-  /** The corners of the box at rest, in the view's coordinates. */
-  corners(): { low: Vector3; high: Vector3 } {
+  /** The box at rest, in the view's coordinates. */
+  box(): Box3 {
     this.group.updateMatrixWorld();
-    const bounds = this.bounds() ?? [[0, 0, 0], [1, 1, 1]];
-    const [a, b] = [new Vector3(...bounds[0]), new Vector3(...bounds[1])];
-    this.group.localToWorld(a);
-    this.group.localToWorld(b);
-    return { low: a.clone().min(b), high: a.clone().max(b) };
+    const [low, high] = this.bounds() ?? [[0, 0, 0], [1, 1, 1]];
+    return new Box3(new Vector3(...low), new Vector3(...high)).applyMatrix4(this.group.matrixWorld);
+  }
+
+  /** How tall it is without a height of its own in the film, in metres. */
+  get height(): number | null {
+    const extent = this.upwards();
+    return extent === null || this.scene === null ? null : (extent[1] - extent[0]) * this.scene.description.metres_a_unit;
+  }
+
+  /** Stand on the floor where a row of the scene says, and as tall. */
+  stand({ position = [0, 0], turn = 0, height = null }: Partial<FilmCharacter>): void {
+    const extent = this.upwards();
+    if (this.scene === null || extent === null) return;
+    const [low, high] = extent;
+    const scale = height === null ? this.scene.description.metres_a_unit : height / Math.max(high - low, 1e-12);
+    this.group.quaternion.setFromAxisAngle(new Vector3(0, 1, 0), (turn * Math.PI) / 180).multiply(this.upright);
+    this.group.scale.setScalar(scale);
+    this.group.position.set(position[0], -low * scale, position[1]);
+    this.group.updateMatrixWorld();
+  }
+
+  /** The lowest and the highest vertex, along the mesh's direction of up. */
+  private upwards(): readonly [number, number] | null {
+    const bounds = this.bounds();
+    if (bounds === null || this.scene === null) return null;
+    const [a, b] = bounds.map((corner) => dot(corner, axis(this.scene?.description.up ?? "y")));
+    return [Math.min(a ?? 0, b ?? 0), Math.max(a ?? 0, b ?? 0)];
   }
 
   /** The corners of the box at rest, in the mesh file's coordinates. */
@@ -147,7 +172,8 @@ export class Figure {
     }
     this.mesh = meshOf(scene, this.source);
     this.group.add(this.mesh);
-    stand(this.group, scene);
+    this.upright = uprightOf(scene);
+    this.stand({});
     this.buffer = new JitterBuffer(DELAY);
     this.around.clear();
     this.rest = restOf(scene);
@@ -175,11 +201,9 @@ function restOf({ fields, isolines }: Scene): Frame {
   return { topic: "", kind: "controls", body, targets: new Float32Array(), header: { root: [0, 0, 0] } } as unknown as Frame;
 }
 
-function stand(group: Group, { description: { up, front, metres_a_unit } }: Scene): void {
+/** The rotation that stands a mesh upright, its front towards +z. */
+function uprightOf({ description: { up, front } }: Scene): Quaternion {
   const [y, z] = [axis(up), axis(front)];
   const x = cross(y, z);
-  group.matrix.set(x[0], x[1], x[2], 0, y[0], y[1], y[2], 0, z[0], z[1], z[2], 0, 0, 0, 0, 1);
-  group.quaternion.setFromRotationMatrix(group.matrix);
-  group.scale.setScalar(metres_a_unit);
-  group.updateMatrixWorld();
+  return new Quaternion().setFromRotationMatrix(new Matrix4().set(x[0], x[1], x[2], 0, y[0], y[1], y[2], 0, z[0], z[1], z[2], 0, 0, 0, 0, 1));
 }

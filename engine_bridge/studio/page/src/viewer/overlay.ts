@@ -62,6 +62,7 @@ export interface Colours {
   readonly edge: string;
   readonly text: string;
   readonly panel: string;
+  readonly stage: string;
 }
 
 export interface Emphasis {

@@ -2,11 +2,13 @@
 
 import {
   AmbientLight,
+  type Box3,
   Color,
   DirectionalLight,
   GridHelper,
   HemisphereLight,
   PerspectiveCamera,
+  type Ray as Line,
   Raycaster,
   Scene,
   Vector2,
@@ -16,6 +18,7 @@ import {
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 
 import { type Ray, type Vector, subtract } from "../model/vector";
+import { Backdrop } from "./backdrop";
 import type { Figure } from "./figure";
 import type { Colours } from "./overlay";
 
@@ -36,10 +39,22 @@ const WORKING_IDLE_MS = 1000;
 /** Least number of drawn pixels per pixel of the page, along each side. */
 const LEAST_RATIO = 0.6;
 
+/** Half of the height of the view, and of a portrait, in sizes of what it shows. */
+const ROOM = 0.62;
+const PORTRAIT_ROOM = 0.5;
+
+/** Directions from which the camera looks at one character, and at all. */
+export const SIDE = new Vector3(0.45, 0.18, 1);
+export const FRONT = new Vector3(0.2, 0.14, 1);
+
 export class Stage {
   readonly scene = new Scene();
   readonly camera = new PerspectiveCamera(35, 1, 0.01, 200);
   colours: Colours | null = null;
+  private readonly backdrop = new Backdrop(this.scene, () => {
+    this.theme();
+    this.changed();
+  });
   private readonly renderer: WebGLRenderer;
   private readonly grid = new GridHelper(CELLS / 2, CELLS);
   private orbit: OrbitControls | null = null;
@@ -53,6 +68,7 @@ export class Stage {
   constructor(
     private readonly parent: HTMLElement,
     canvas: HTMLCanvasElement,
+    private readonly changed: () => void,
   ) {
     this.renderer = new WebGLRenderer({ canvas, antialias: !isSoftware() });
     this.renderer.setPixelRatio(this.ratio);
@@ -72,9 +88,14 @@ export class Stage {
   }
 
   /** Let the pointer over an element move the camera. */
-  control(element: HTMLElement, changed: () => void): void {
+  control(element: HTMLElement): void {
     this.orbit = new OrbitControls(this.camera, element);
-    this.orbit.addEventListener("change", changed);
+    this.orbit.addEventListener("change", this.changed);
+  }
+
+  /** Show a place around the characters, see `Backdrop.show`. */
+  show(picture: string | null): void {
+    this.backdrop.show(picture);
   }
 
   animate(frame: () => void): void {
@@ -131,8 +152,10 @@ export class Stage {
       edge: of("--mark-edge"),
       text: of("--text"),
       panel: of("--panel"),
+      stage: of("--stage"),
     };
-    this.scene.background = new Color(of("--stage"));
+    this.grid.visible = !this.backdrop.isShown;
+    if (this.grid.visible) this.scene.background = new Color(of("--stage"));
     const [main, fine] = [new Color(of("--grid-main")), new Color(of("--grid"))];
     const colours = this.grid.geometry.getAttribute("color");
     for (let i = 0; i < colours.count; i++) {
@@ -142,23 +165,44 @@ export class Stage {
     colours.needsUpdate = true;
   }
 
-  /** Move the camera in front of a character. */
-  frame(figure: Figure): void {
-    const { low, high } = figure.corners();
-    const size = high.clone().sub(low);
-    const centre = low.clone().add(high).multiplyScalar(0.5);
-    centre.y -= 0.05 * size.y; // the toolbar is below
-    const { aspect, fov } = this.camera;
-    const across = Math.max(size.y, size.x / Math.max(aspect, 0.1), (0.7 * size.z) / aspect);
-    const distance = (0.68 * across) / Math.tan((fov * Math.PI) / 360) + 0.5 * Math.max(size.x, size.z);
+  /** Move the camera in front of a box, looking from a direction. */
+  frame(box: Box3, from: Vector3): void {
+    const size = box.getSize(new Vector3());
+    const centre = aim(this.camera, box, from, ROOM);
     this.orbit?.target.copy(centre);
-    this.camera.position.copy(centre).add(new Vector3(0.45, 0.18, 1).normalize().multiplyScalar(distance));
-    this.camera.near = distance / 100;
-    this.camera.far = distance * 50;
-    this.camera.updateProjectionMatrix();
     this.orbit?.update();
     this.grid.scale.setScalar(2 * 10 ** Math.round(Math.log10(size.length() / 4)));
-    this.grid.position.set(centre.x, low.y, centre.z);
+    this.grid.position.set(centre.x, box.min.y, centre.z);
+  }
+
+  /** Whether all of a box is in the view. */
+  isInView(box: Box3): boolean {
+    return cornersOf(box).every((corner) => {
+      const { x, y, z } = corner.project(this.camera);
+      return Math.abs(x) <= 1 && Math.abs(y) <= 1 && z <= 1;
+    });
+  }
+
+  /** Draw a character alone, as it is now, into a canvas at a place from the left; the view must be drawn again. */
+  portrait(figure: Figure, [width, height]: readonly [number, number], canvas: HTMLCanvasElement, left: number): void {
+    const ratio = this.renderer.getPixelRatio();
+    const [wide, tall] = [Math.min(width, this.width), Math.min(height, this.height)];
+    const camera = new PerspectiveCamera(35, width / height);
+    aim(camera, figure.box().translate(figure.walked()), FRONT, PORTRAIT_ROOM);
+    const { background } = this.scene;
+    this.scene.background = new Color(this.colours?.stage);
+    const others = this.scene.children.filter((each) => each !== figure.group && each.visible && !("isLight" in each));
+    for (const each of others) each.visible = false;
+    this.renderer.setViewport(0, 0, wide, tall);
+    this.renderer.setScissor(0, 0, wide, tall);
+    this.renderer.setScissorTest(true);
+    this.renderer.render(this.scene, camera);
+    this.renderer.setScissorTest(false);
+    this.renderer.setViewport(0, 0, this.width, this.height);
+    for (const each of others) each.visible = true;
+    this.scene.background = background;
+    const { domElement } = this.renderer;
+    canvas.getContext("2d")?.drawImage(domElement, 0, domElement.height - tall * ratio, wide * ratio, tall * ratio, left, 0, width, height);
   }
 
   /** Move the camera along the floor with a character that walks. */
@@ -177,11 +221,16 @@ export class Stage {
     return point.z > 1 ? null : [((point.x + 1) / 2) * this.width, ((1 - point.y) / 2) * this.height, point.z];
   }
 
-  /** The ray through a position on the screen, in the coordinates of a character's file. */
-  ray(figure: Figure, x: number, y: number): Ray {
+  /** The ray through a position on the screen, in the view's coordinates. */
+  through(x: number, y: number): Line {
     const caster = new Raycaster();
     caster.setFromCamera(new Vector2((2 * x) / this.width - 1, 1 - (2 * y) / this.height), this.camera);
-    const { origin: from, direction } = caster.ray;
+    return caster.ray;
+  }
+
+  /** The ray through a position on the screen, in the coordinates of a character's file. */
+  ray(figure: Figure, x: number, y: number): Ray {
+    const { origin: from, direction } = this.through(x, y);
     const far = figure.group.worldToLocal(from.clone().add(direction));
     const near = figure.group.worldToLocal(from.clone());
     const origin: Vector = [near.x, near.y, near.z];
@@ -197,6 +246,26 @@ export class Stage {
     };
     return { right: of(1, 0, 0), up: of(0, 1, 0), forward: of(0, 0, -1) };
   }
+}
+
+/** Move a camera in front of a box, looking from a direction, and return the point that it looks at. */
+function aim(camera: PerspectiveCamera, box: Box3, from: Vector3, room: number): Vector3 {
+  const size = box.getSize(new Vector3());
+  const centre = box.getCenter(new Vector3());
+  const { aspect, fov } = camera;
+  const across = Math.max(size.y, size.x / Math.max(aspect, 0.1), (0.7 * size.z) / aspect);
+  const distance = (room * across) / Math.tan((fov * Math.PI) / 360) + 0.5 * Math.max(size.x, size.z);
+  camera.position.copy(centre).add(from.clone().normalize().multiplyScalar(distance));
+  camera.lookAt(centre);
+  camera.near = distance / 100;
+  camera.far = distance * 50;
+  camera.updateProjectionMatrix();
+  camera.updateMatrixWorld();
+  return centre;
+}
+
+function cornersOf({ min, max }: Box3): Vector3[] {
+  return [0, 1, 2, 3, 4, 5, 6, 7].map((i) => new Vector3(i & 1 ? min.x : max.x, i & 2 ? min.y : max.y, i & 4 ? min.z : max.z));
 }
 
 /** Whether images are drawn without a graphics card; smooth edges cost too much there. */

@@ -1,15 +1,19 @@
 /** The 3D view: characters that the stream moves, bones and handles over them, and the actions of the pointer. */
 
-import { Vector3 } from "three";
+import { Box3, Vector3 } from "three";
 
 import type { Client } from "../../../../../integrations/web/puppetline.js";
 import { type Part, type Puppet, handlesOf, jointsOf, limbsOf, move, pointOf } from "../model/puppet";
 import type { Joint } from "../model/skeleton";
+import { placeOf, rowOf } from "../model/scene";
 import { type Hit, type Ray, type Vector, add, insideOf, meetPlane, meetTriangles, scale, subtract } from "../model/vector";
 import { type State, current, shownPuppet } from "../store";
 import { Figure } from "./figure";
+import { Ground } from "./ground";
 import { type Marks, drawMarks, marksOf, partAt } from "./overlay";
-import { Stage } from "./stage";
+import { Portraits } from "./portraits";
+import { FRONT, SIDE, Stage } from "./stage";
+import { type Draft, characterAt, dragged } from "./standing";
 
 /** Distance that the pointer moves before a click becomes a drag, in pixels. */
 const SLOP = 4;
@@ -33,6 +37,13 @@ export interface Callbacks {
   placed: (inside: Vector, surface: Vector) => void;
   /** A drag has begun: edits are made on the rest pose. */
   resting: () => void;
+  /** A character was clicked. */
+  chosen: (name: string) => void;
+  /** A character is dragged over the floor, or was dragged there. */
+  standing: (draft: Draft) => void;
+  stood: (draft: Draft) => void;
+  /** A character's moving picture was drawn. */
+  drawn: (name: string, picture: string) => void;
   /** A character's mesh has arrived. */
   arrived: () => void;
   download: (id: string) => Promise<Blob>;
@@ -48,8 +59,13 @@ export class Viewer {
   private draft: Puppet | null = null;
   private puppets: State["puppets"] = {};
   private joint: Joint | null = null;
-  private framed: string | null = null;
-  /** How far the framed character had walked when the camera followed it last. */
+  /** What the camera was moved in front of: the face of the page, and the characters that are shown. */
+  private framed = "";
+  /** Places and sizes of the characters, as they stand now. */
+  private standing = "";
+  private readonly ground = new Ground();
+  private readonly portraits: Portraits;
+  /** How far the framed characters had walked when the camera followed them last. */
   private walked = new Vector3();
   private dirty = true;
   private frames = 0;
@@ -64,16 +80,20 @@ export class Viewer {
     this.overlay.tabIndex = 0;
     this.overlay.setAttribute("role", "application");
     parent.append(this.canvas, this.overlay);
-    this.stage = new Stage(parent, this.canvas);
-    this.listen(); // before the camera's own listeners, to keep drags of points from it
-    this.stage.control(this.overlay, () => {
+    const changed = (): void => {
       this.dirty = true;
-    });
+    };
+    this.stage = new Stage(parent, this.canvas, changed);
+    this.portraits = new Portraits(this.stage, this.callbacks.drawn);
+    this.stage.scene.add(this.ground.group);
+    this.listen(); // before the camera's own listeners, to keep drags of points from it
+    this.stage.control(this.overlay);
     new ResizeObserver(() => {
       this.resize();
     }).observe(parent);
     const theme = (): void => {
       this.stage.theme();
+      this.ground.theme(this.stage.colours?.accent ?? "");
       this.dirty = true;
     };
     theme();
@@ -100,7 +120,7 @@ export class Viewer {
       let figure = this.figures.get(name);
       if (figure === undefined) {
         figure = new Figure(client, name, this.callbacks.download, () => {
-          this.arrived(name);
+          this.arrived();
         });
         this.figures.set(name, figure);
         this.stage.scene.add(figure.group);
@@ -117,12 +137,23 @@ export class Viewer {
     return this.figures.get(name)?.bounds() ?? null;
   }
 
+  /** See `Figure.height`. */
+  height(name: string): number | null {
+    return this.figures.get(name)?.height ?? null;
+  }
+
   /** The corners of each character's box at rest, in the view's coordinates. */
   boxes() {
     return Object.fromEntries([...this.figures].map(([name, figure]) => {
-      const { low, high } = figure.corners();
-      return [name, [low, high]];
+      const { min, max } = figure.box();
+      return [name, [min, max]];
     }));
+  }
+
+  /** The boxes of characters where they are now. */
+  private present(): Map<string, Box3> {
+    const drawn = [...this.figures].filter(([, { mesh }]) => mesh !== null);
+    return new Map(drawn.map(([name, figure]) => [name, figure.box().translate(figure.walked())]));
   }
 
   /** Positions of a character's vertices as they are shown, in the mesh file's coordinates. */
@@ -161,7 +192,18 @@ export class Viewer {
     this.puppets = state.puppets;
     this.dirty = true;
     this.overlay.classList.toggle("placing", state.tool !== "select");
-    if (state.character !== null && state.character !== this.framed && this.has(state.character)) this.fit();
+    this.overlay.classList.toggle("film", state.face === "film");
+    this.stage.show(state.face === "film" ? placeOf(state.film.present.scene) : null);
+    const moved = this.arrange(state);
+    if (this.shownIn(state) !== this.framed) this.fit();
+    else if (moved && state.face === "film" && state.draft === null && !this.isAllInView()) this.fit();
+  }
+
+  /** What the camera should be in front of: in the film all characters, in the workshop the one that panels show. */
+  private shownIn({ face, character }: State): string {
+    const drawn = [...this.figures.values()].filter(({ mesh }) => mesh !== null).map(({ name }) => name);
+    const shown = face === "film" ? drawn : drawn.filter((name) => name === character);
+    return shown.length === 0 ? this.framed : `${face} ${shown.join(" ")}`;
   }
 
   /** Emphasise what a joint moves. */
@@ -171,15 +213,30 @@ export class Viewer {
     this.dirty = true;
   }
 
-  /** Move the camera in front of the character that panels show. */
+  /** Move the camera in front of what is shown. */
   fit(): void {
-    const figure = this.chosen();
-    if (figure?.mesh == null) return;
-    this.framed = figure.name;
-    this.arrange();
-    this.stage.frame(figure);
+    const state = current();
+    const { face } = state;
+    const boxes = this.followed(face).map((figure) => figure.box());
+    if (boxes.length === 0) return;
+    this.framed = this.shownIn(state);
+    const all = boxes.reduce((box, each) => box.union(each));
+    if (face === "workshop") all.min.y -= 0.1 * (all.max.y - all.min.y); // the toolbar is below
+    this.stage.frame(all, face === "film" && boxes.length > 1 ? FRONT : SIDE);
     this.walked = new Vector3();
     this.dirty = true;
+  }
+
+  /** The characters that the camera follows. */
+  private followed(face: State["face"]): Figure[] {
+    const chosen = this.chosen();
+    const figures = face === "film" ? [...this.figures.values()] : chosen === undefined ? [] : [chosen];
+    return figures.filter(({ mesh }) => mesh !== null);
+  }
+
+  private isAllInView(): boolean {
+    const all = [...this.present().values()];
+    return all.every((box) => this.stage.isInView(box));
   }
 
   private chosen(): Figure | undefined {
@@ -187,23 +244,31 @@ export class Viewer {
     return character === null ? undefined : this.figures.get(character);
   }
 
-  private arrived(name: string): void {
-    this.arrange();
-    if (current().character === name && this.framed !== name) this.fit();
+  private arrived(): void {
+    this.standing = "";
+    this.refresh(current());
     this.dirty = true;
     this.callbacks.arrived();
   }
 
-  /** Put characters side by side. */
-  private arrange(): void {
+  /** Let characters stand as the film's scene says, and return whether that has changed; those that it does not have stand side by side. */
+  private arrange({ film, draft, face }: State): boolean {
+    const { scene } = film.present;
+    const standing = JSON.stringify([face, scene.character, draft, [...this.figures.keys()]]);
+    if (standing === this.standing) return false;
+    this.standing = standing;
     let right: number | null = null;
-    for (const figure of this.figures.values()) {
+    for (const [name, figure] of this.figures) {
       if (figure.mesh === null) continue;
-      figure.group.position.set(0, 0, 0);
-      const { low, high } = figure.corners();
-      if (right !== null) figure.group.position.x = right + 0.15 * (high.x - low.x) - low.x;
-      right = figure.corners().high.x;
+      const row = rowOf(scene, name);
+      figure.stand({ ...row, ...(draft?.name === name ? draft : {}) });
+      if (row !== undefined) continue;
+      const { min, max } = figure.box();
+      if (right !== null) figure.group.position.x = right + 0.15 * (max.x - min.x) - min.x;
+      right = figure.box().max.x;
     }
+    this.dirty = true;
+    return true;
   }
 
   private resize(): void {
@@ -214,8 +279,9 @@ export class Viewer {
   }
 
   private draw(): void {
-    const { atRest, server } = current();
+    const { atRest, server, face, character } = current();
     for (const figure of this.figures.values()) if (figure.pose(atRest)) this.dirty = true;
+    if (this.parent.offsetParent !== null && face === "film" && this.portraits.take(this.figures)) this.dirty = true;
     if (!this.dirty || this.parent.offsetParent === null) {
       this.stage.pause();
       return;
@@ -223,16 +289,16 @@ export class Viewer {
     this.dirty = false;
     this.frames++;
     this.accompany();
+    this.ground.lie(face === "film" ? this.present() : new Map(), character);
     this.stage.render();
     this.stage.keepPace(server?.jobs.some(({ state }) => state === "running") ?? false);
     this.drawOverlay();
   }
 
   private accompany(): void {
-    const { character } = current();
-    const figure = this.chosen();
-    if (character !== this.framed || figure === undefined) return;
-    const walked = figure.walked();
+    const followed = this.followed(current().face);
+    if (this.shownIn(current()) !== this.framed || followed.length === 0) return;
+    const walked = followed.reduce((sum, figure) => sum.add(figure.walked()), new Vector3()).divideScalar(followed.length);
     this.stage.accompany(walked.clone().sub(this.walked));
     this.walked = walked;
   }
@@ -247,7 +313,7 @@ export class Viewer {
     context.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, 0, 0);
     context.clearRect(0, 0, this.overlay.width, this.overlay.height);
     this.marks = { limbs: [], handles: [] };
-    if (figure?.mesh == null || puppet === null || !state.bones) return;
+    if (figure?.mesh == null || puppet === null || !state.bones || state.face === "film") return;
     this.marks = marksOf(puppet, (part, point) =>
       this.stage.project(figure, figure.carried(`${part.kind} ${part.name}`, point)),
     );
@@ -262,10 +328,15 @@ export class Viewer {
   private listen(): void {
     const { overlay } = this;
     overlay.addEventListener("pointerdown", (event) => {
-      this.press(event);
+      if (current().face === "film") this.grasp(event);
+      else this.press(event);
     });
     overlay.addEventListener("pointermove", (event) => {
       if (event.buttons !== 0) return;
+      if (current().face === "film") {
+        overlay.classList.toggle("over", characterAt(this.stage.through(event.offsetX, event.offsetY), this.present()) !== null);
+        return;
+      }
       const hover = current().tool === "select" ? partAt(this.marks, event.offsetX, event.offsetY) : null;
       if (JSON.stringify(hover) === JSON.stringify(this.hover)) return;
       this.hover = hover;
@@ -275,6 +346,40 @@ export class Viewer {
     overlay.addEventListener("keydown", (event) => {
       this.nudge(event);
     });
+  }
+
+  /** Choose a character by a click, or begin to drag it over the floor; a drag beside all characters moves the camera. */
+  private grasp(event: PointerEvent): void {
+    const { offsetX: x, offsetY: y } = event;
+    const from = this.stage.through(x, y);
+    const name = characterAt(from, this.present());
+    if (event.button !== 0 || name === null) return;
+    event.stopImmediatePropagation(); // the camera stays
+    this.overlay.setPointerCapture(event.pointerId);
+    const row = rowOf(current().film.present.scene, name);
+    let draft: Draft | null = null;
+    const drag = (moved: PointerEvent): void => {
+      if (row === undefined || (draft === null && Math.hypot(moved.offsetX - x, moved.offsetY - y) <= SLOP)) return;
+      draft = dragged(row, from, this.stage.through(moved.offsetX, moved.offsetY)) ?? draft;
+      if (draft !== null) this.callbacks.standing(draft);
+    };
+    this.untilRelease(drag, () => {
+      if (draft === null) this.callbacks.chosen(name);
+      else this.callbacks.stood(draft);
+    });
+  }
+
+  /** Call a function while the pointer moves, and another one when it is released. */
+  private untilRelease(drag: (event: PointerEvent) => void, released: () => void): void {
+    const release = (): void => {
+      this.overlay.removeEventListener("pointermove", drag);
+      this.overlay.removeEventListener("pointerup", release);
+      this.overlay.removeEventListener("pointercancel", release);
+      released();
+    };
+    this.overlay.addEventListener("pointermove", drag);
+    this.overlay.addEventListener("pointerup", release);
+    this.overlay.addEventListener("pointercancel", release);
   }
 
   /** Begin a click, or the drag of a point; a drag beside all points moves the camera. */
@@ -303,20 +408,14 @@ export class Viewer {
       this.draft = move(puppet, part, to);
       this.dirty = true;
     };
-    const release = (): void => {
-      this.overlay.removeEventListener("pointermove", drag);
-      this.overlay.removeEventListener("pointerup", release);
-      this.overlay.removeEventListener("pointercancel", release);
+    this.untilRelease(drag, () => {
       const { draft } = this;
       if (!dragging) this.click(figure, part, x, y);
       else if (draft !== null && part !== null) {
         this.callbacks.moved(draft);
         this.callbacks.picked(part);
       }
-    };
-    this.overlay.addEventListener("pointermove", drag);
-    this.overlay.addEventListener("pointerup", release);
-    this.overlay.addEventListener("pointercancel", release);
+    });
   }
 
   private click(figure: Figure, part: Part | null, x: number, y: number): void {

@@ -11,6 +11,7 @@ import { keys } from "./keys";
 import { figure } from "./panels/figure";
 import { meters } from "./panels/meters";
 import { withRow } from "./model/scene";
+import { showTitles } from "./panels/shown_titles";
 import { movePlayhead } from "./panels/strip";
 import { put } from "./placing";
 import { connection, download } from "./requests";
@@ -118,6 +119,7 @@ let timeScheduled = false;
 function scheduleTime(): void {
   const { server } = current();
   movePlayhead(current(), position(current()));
+  showTitles(current(), position(current()));
   playSounds(current(), (character, now) => viewer.serviceTime(character, now));
   const runs = server?.recording != null || (server?.timeline != null && !server.timeline.paused);
   if (timeScheduled || !runs) return;

@@ -1,6 +1,6 @@
 /** One streamed character in the 3D view: its mesh, its present pose, and its materials. */
 
-import { Box3, Group, Matrix4, type Object3D, Quaternion, Vector3 } from "three";
+import { Box3, Color, Group, Matrix4, type Mesh, type Object3D, Quaternion, Vector3 } from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 
 import { Character, type Client, JitterBuffer } from "../../../../../integrations/web/puppetline.js";
@@ -148,6 +148,17 @@ export class Figure {
     this.group.scale.setScalar(scale);
     this.group.position.set(position[0], -low * scale, position[1]);
     this.group.updateMatrixWorld();
+  }
+
+  /** Multiply the colours of its materials by a colour; with null, they are the file's. */
+  tint(colour: string | null): void {
+    this.mesh?.traverse((part) => {
+      for (const material of [(part as Mesh).material ?? []].flat()) {
+        if (!("color" in material) || !(material.color instanceof Color)) continue;
+        const own = (material.userData.own ??= material.color.clone()) as Color;
+        material.color.copy(own).multiply(new Color(colour ?? "white"));
+      }
+    });
   }
 
   /** The lowest and the highest vertex, along the mesh's direction of up. */

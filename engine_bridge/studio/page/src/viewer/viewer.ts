@@ -262,6 +262,7 @@ export class Viewer {
       if (figure.mesh === null) continue;
       const row = rowOf(scene, name);
       figure.stand({ ...row, ...(draft?.name === name ? draft : {}) });
+      figure.tint(face === "film" ? (row?.color ?? null) : null);
       if (row !== undefined) continue;
       const { min, max } = figure.box();
       if (right !== null) figure.group.position.x = right + 0.15 * (max.x - min.x) - min.x;

@@ -1,6 +1,6 @@
 /** One streamed character in the 3D view: its mesh, its present pose, and its materials. */
 
-import { Box3, Color, Group, Matrix4, type Mesh, type Object3D, Quaternion, Vector3 } from "three";
+import { Box3, Color, Group, type Material, Matrix4, Mesh, type Object3D, Quaternion, Vector3 } from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 
 import { Character, type Client, JitterBuffer } from "../../../../../integrations/web/puppetline.js";
@@ -153,8 +153,9 @@ export class Figure {
   /** Multiply the colours of its materials by a colour; with null, they are the file's. */
   tint(colour: string | null): void {
     this.mesh?.traverse((part) => {
-      for (const material of [(part as Mesh).material ?? []].flat()) {
-        if (!("color" in material) || !(material.color instanceof Color)) continue;
+      if (!(part instanceof Mesh)) return;
+      for (const material of [part.material as Material | Material[]].flat()) {
+        if (!("color" in material && material.color instanceof Color)) continue;
         const own = (material.userData.own ??= material.color.clone()) as Color;
         material.color.copy(own).multiply(new Color(colour ?? "white"));
       }

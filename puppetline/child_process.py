@@ -3,13 +3,20 @@
 import os
 import signal
 import subprocess
+import sys
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
+
+from puppetline import clock
 
 VARIABLE = "PUPPETLINE_ENDS_WITH_INPUT"
 """Environment variable that tells a process to end when its standard input is closed."""
+
+MIN_RETRY_SECONDS, MAX_RETRY_SECONDS = 0.25, 8.0
+"""Shortest and longest time until a process that has ended is started again; it doubles while it ends soon."""
 
 END_SECONDS = 10.0
 """Time that a process has to end by itself, in seconds."""
@@ -21,6 +28,39 @@ def bound_to_parent(environment: Mapping[str, str] = os.environ) -> dict[str, An
     The system closes the pipe to its standard input when this process ends, even if it is killed.
     """
     return {"stdin": subprocess.PIPE, "env": {**environment, VARIABLE: "1"}}
+
+
+@contextmanager
+def kept_running(command: Sequence[str], environment: Mapping[str, str] = os.environ) -> Iterator[None]:
+    """Run a command that writes to this process's outputs until the block ends; start it again whenever it ends."""
+    changing, over = threading.Lock(), threading.Event()
+
+    def start() -> subprocess.Popen[bytes]:
+        bound = bound_to_parent(environment)
+        return subprocess.Popen(command, stdout=sys.stdout, stderr=sys.stderr, **bound)  # noqa: S603
+
+    def keep() -> None:
+        pause = MIN_RETRY_SECONDS
+        while True:
+            began = clock.now()
+            running[0].wait()
+            pause = MIN_RETRY_SECONDS if clock.now() - began > MAX_RETRY_SECONDS else min(2 * pause, MAX_RETRY_SECONDS)
+            over.wait(pause)
+            with changing:
+                if over.is_set():
+                    return
+                running[0] = start()
+
+    running = [start()]
+    keeper = threading.Thread(target=keep, daemon=True)
+    keeper.start()
+    try:
+        yield
+    finally:
+        with changing:
+            over.set()
+            running[0].terminate()
+        keeper.join()
 
 
 def end_with_parent() -> None:

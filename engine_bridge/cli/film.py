@@ -21,10 +21,18 @@ if TYPE_CHECKING:
     "--start", default=0.0, show_default=True, type=Finite(0), metavar="SECONDS", help="Time at which the film begins."
 )
 @click.option("--stop", type=Finite(0), metavar="SECONDS", help="Time at which it ends.  [default: the scene's end]")
+@click.option("--share", is_flag=True, help="Also write a poster (.jpg) and a small .gif beside the .mp4.")
 @options.force
 @options.as_json
 def film(
-    scene: Path, output: Path | None, draft: bool, start: float, stop: float | None, force: bool, as_json: bool
+    scene: Path,
+    output: Path | None,
+    draft: bool,
+    start: float,
+    stop: float | None,
+    share: bool,
+    force: bool,
+    as_json: bool,
 ) -> None:
     """Make a film of a SCENE file: characters, takes, sounds, cameras and titles.
 
@@ -32,8 +40,11 @@ def film(
     """
     from engine_bridge.film.film import make_video
     from engine_bridge.film.film_document import make_document
+    from engine_bridge.film.sharing import share_video
 
     output = options.named(output, f"{scene.stem}.mp4", force)
+    if share and output.suffix.lower() != ".mp4":
+        raise click.UsageError("--share requires an .mp4.")
     with progress() as report:
         if output.suffix.lower() == ".glb":
             if draft or start or stop is not None:
@@ -41,6 +52,8 @@ def film(
             summary = make_document(scene, output, report)
         else:
             summary = make_video(scene, output, start, stop, draft, report)
+            if share:
+                share_video(output)
     options.show(summary, as_json, describe(summary))
 
 

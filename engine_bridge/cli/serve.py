@@ -4,7 +4,6 @@ import gc
 import logging
 import math
 import os
-import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -16,7 +15,7 @@ import click
 
 from engine_bridge.cli.options import FILE, Finite
 from puppetline import clock
-from puppetline.child_process import bound_to_parent
+from puppetline.child_process import kept_running
 from puppetline.errors import ServiceError
 
 if TYPE_CHECKING:
@@ -162,7 +161,7 @@ def _run(
         service = Service(settings, folder, commands, None if display is None else display.update, read_settings)
         stack.callback(service.close)
         if studio is not None:
-            stack.enter_context(_studio(settings, folder, service.stream, studio))
+            stack.enter_context(_studio(settings, folder, service.stream, studio, config))
         gc.collect()
         gc.freeze()  # what is loaded stays, so later collections need not examine it
         gc.enable()
@@ -186,11 +185,12 @@ class _CompilingLog:
 
 
 @contextmanager
-def _studio(settings: "ServiceFile", folder: Path, streams: list[str], port: int) -> Iterator[None]:
+def _studio(
+    settings: "ServiceFile", folder: Path, streams: list[str], port: int, config: Path | None
+) -> Iterator[None]:
     """Run the page of the studio in a process of its own, which joins the service and does not delay it."""
     from engine_bridge.service.security.credentials import TOKEN_VARIABLE
     from engine_bridge.service.security.endpoints import endpoints_of
-    from engine_bridge.service.takes.kiosk import visitors_folder
 
     if settings.network.port == 0:
         raise ServiceError(
@@ -227,15 +227,9 @@ def _studio(settings: "ServiceFile", folder: Path, streams: list[str], port: int
         "--no-browser",
     ]
     if settings.kiosk is not None:
-        command += ["--visitors", str(visitors_folder(folder / settings.takes))]
-    # 1 and 2 are for native libraries by now
-    bound = bound_to_parent(os.environ | token)
-    process = subprocess.Popen(command, stdout=sys.stdout, stderr=sys.stderr, **bound)  # noqa: S603
-    try:
+        command += ["--kiosk", str(config)]
+    with kept_running(command, os.environ | token):
         yield
-    finally:
-        process.terminate()
-        process.wait()
 
 
 def _service_file(config: Path | None, settings: dict[str, Any]) -> "tuple[ServiceFile, Path]":

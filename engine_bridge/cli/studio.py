@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 )
 @click.option("--service", metavar="HOST:PORT", help="Join the service whose stream is there, instead of starting one.")
 @click.option("--service-token-file", type=FILE, help="The token that this service requires.")
-@click.option("--visitors", type=FILE, hidden=True, help="Folder of the videos of a kiosk's visitors.")
+@click.option("--kiosk", type=FILE, hidden=True, help="Service file of the joined service, which has a kiosk.")
 @click.option("--browser/--no-browser", default=None, help="Open a browser.  [default: where there is a desktop]")
 def studio(
     file: Path | None,
@@ -46,7 +46,7 @@ def studio(
     sound: str | None,
     service: str | None,
     service_token_file: Path | None,
-    visitors: Path | None,
+    kiosk: Path | None,
     browser: bool | None,
 ) -> None:
     """Set up, play, record and export characters in a browser, until stopped.
@@ -90,7 +90,7 @@ def studio(
         sound=sound if sound is None or not is_sound_file(sound) else str(Path(sound).absolute()),
         service=service,
         service_token=None if service is None else read_token(service_token_file),
-        visitors=visitors,
+        kiosk=kiosk,
     )
     running: list[Served] = []
 
@@ -99,6 +99,11 @@ def studio(
         link = served.link()
         click.echo(f"The studio is at {link}")
         click.echo("The address can be used once. Stop the studio with Ctrl-C.")
+        if kiosk is not None:
+            click.echo(f"The visitors' screen is at {served.screen}")
+            click.echo(f"Visitors' phones open {served.phones or 'nothing: this machine has no network'}")
+        else:
+            click.echo(f"OBS shows the characters from {served.screen}")
         if _has_desktop() if browser is None else browser:
             click.launch(link)
 

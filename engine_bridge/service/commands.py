@@ -128,10 +128,6 @@ class _Commands:
         playback.stop(asked.character)
         return {"stopped": stopped}
 
-    def clips(self, _: requests.Nothing) -> dict[str, Any]:
-        kiosk = self._service.kiosk
-        return {"clips": [] if kiosk is None else kiosk.clips}
-
     def puppet(self, asked: requests.OneCharacter) -> dict[str, Any]:
         return self._mapping(self._player(asked.character)[1])
 

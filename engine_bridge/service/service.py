@@ -23,6 +23,7 @@ from engine_bridge.service.control.control_socket import Control
 from engine_bridge.service.control.dispatcher import Command, Deferred, Dispatcher
 from engine_bridge.service.control.requests import PlayTake
 from engine_bridge.service.discovery import Announcement
+from engine_bridge.service.kiosk.kiosk import Kiosk
 from engine_bridge.service.loading.service_file import ServiceFile
 from engine_bridge.service.loading.stage_loader import LoadedStage, load_stages
 from engine_bridge.service.look_command import Looking
@@ -41,7 +42,6 @@ from engine_bridge.service.stages.stage_runner import StageRunner
 from engine_bridge.service.status_report import Reporter
 from engine_bridge.service.system_signals import Signals
 from engine_bridge.service.takes.count_in import CountIn
-from engine_bridge.service.takes.kiosk import Clip, Kiosk
 from engine_bridge.service.takes.take_folder import Takes
 from engine_bridge.service.takes.take_playback import TakePlayback
 from engine_bridge.service.takes.take_track import TakeTrack
@@ -134,7 +134,7 @@ class Service:
         self.takes = Takes(folder / settings.takes)
         self.kiosk: Kiosk | None = None
         if settings.kiosk is not None:
-            self.kiosk = Kiosk(settings.kiosk, self.takes.folder, self.count_in, self._stop_clip, self._jobs)
+            self.kiosk = Kiosk(settings.kiosk, self.takes.folder, self.count_in, self._play_clip, self._jobs)
             keep.callback(self.kiosk.close)
         self._reporter = Reporter()
         self._looking = Looking(self._jobs, self._answer)
@@ -256,22 +256,11 @@ class Service:
 
         return self._later(self._jobs.writing, recorder.close, facts)
 
-    def _stop_clip(self, runner: StageRunner, clip: Clip) -> None:
-        """End a visitor's take, show it again, and make a video of it."""
-        recorder, kiosk = runner.stop_recording(), self.kiosk
-        if recorder is None or kiosk is None:  # it could not begin
-            clip.delete()
-            return
-
-        def closed(done: Future[None]) -> None:
-            done.result()
-            for name, _, _ in clip.characters:
-                found = self.find(name)
-                if found is not None:
-                    self.play_take(found[1], clip.path, PlayTake(character=name, take=clip.path.stem, at=0.0))
-            kiosk.film(clip)
-
-        self._jobs.start(self._jobs.writing, recorder.close, closed)
+    def _play_clip(self, name: str, path: Path) -> None:
+        """Show what a visitor has recorded, unless the character is gone."""
+        found = self.find(name)
+        if found is not None:
+            self.play_take(found[1], path, PlayTake(character=name, take=path.stem, at=0.0))
 
     def look(self, runner: StageRunner) -> Deferred:
         """Report what the source of a stage sees; the answer comes when the image is drawn."""
@@ -367,7 +356,8 @@ class Service:
             self._guarded(finish, future)
         self._guarded(self._looking.advance, self.runners)
         now = clock.now()
-        counts = self.playback.changes, *map(self.count_in.left, self.runners)
+        clips = () if self.kiosk is None else tuple(each.seconds_left is None for each in self.kiosk.clips)
+        counts = self.playback.changes, clips, *((self.count_in.left(each), each.recording) for each in self.runners)
         if now >= self._status_at or counts != self._reported:
             self._reported = counts
             self._status_at = max(self._status_at + STATUS_SECONDS, now)
@@ -464,8 +454,9 @@ class Service:
 
     def _current_status(self) -> Status:
         outputs = [each.statistics for each in self._outputs]
+        clips = () if self.kiosk is None else self.kiosk.clips
         timeline = self.playback.status()
-        return self._reporter.status(self.runners, self._guard.clients, outputs, self.count_in.left, timeline)
+        return self._reporter.status(self.runners, self._guard.clients, outputs, self.count_in.left, timeline, clips)
 
     def _report(self) -> None:
         status = self.status = self._current_status()

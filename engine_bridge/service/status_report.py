@@ -14,6 +14,7 @@ from capture.sensor_tilt import SensorTilt
 from engine_bridge.service.monitoring.status import (
     CharacterStatus,
     ClientsStatus,
+    ClipStatus,
     LatencyStatus,
     OutputStatus,
     SensorStatus,
@@ -100,6 +101,7 @@ class Reporter:
         outputs: Sequence[OutputStatus],
         count_in: Callable[[StageRunner], int] = lambda _: 0,
         timeline: TimelineStatus | None = None,
+        clips: Sequence[ClipStatus] = (),
     ) -> Status:
         """Return the present status; the numbers of stages and characters that no longer exist are forgotten."""
         stages = {runner.stage.name for runner in runners}
@@ -114,6 +116,7 @@ class Reporter:
             clients=clients,
             outputs=outputs,
             timeline=timeline,
+            clips=clips,
         )
 
     def _service(self) -> ServiceStatus:

@@ -20,9 +20,12 @@ from engine_bridge.studio.backend.backend import Backend
 from engine_bridge.studio.backend.joined_studio import JoinedStudio
 from engine_bridge.studio.backend.studio import Studio
 from engine_bridge.studio.project.workspace import Workspace
+from engine_bridge.studio.screen.kiosk import VisitorsKiosk
+from engine_bridge.studio.screen.screen_key import ScreenKey
 from engine_bridge.studio.service.joined_service import JoinedService
 from engine_bridge.studio.service.own_service import OwnService
 from engine_bridge.studio.web.page_access import Addresses, Tokens, check_exposure
+from engine_bridge.studio.web.phone_app import serve_phones
 from engine_bridge.studio.web.web_app import PAGE, Access, make_app
 from puppetline.errors import ServiceError
 
@@ -54,6 +57,8 @@ class StudioSettings:
         Token of that service.
     sound : str or None
         Microphone, or .wav, that the studio's own service hears from the start.
+    kiosk : Path or None
+        Service file of the service to join, whose ``[kiosk]`` has a screen.
     """
 
     folder: Path
@@ -66,23 +71,45 @@ class StudioSettings:
     service: str | None = None
     service_token: str | None = field(default=None, repr=False)
     sound: str | None = None
-    visitors: Path | None = None
+    kiosk: Path | None = None
 
     @property
     def windows(self) -> Path | None:
         """File with the hashes of the tokens of open windows; none for a free port, which is another one each time."""
+        return self._kept("windows")
+
+    @property
+    def screen_key(self) -> Path | None:
+        """File with the key of screens; none for a free port."""
+        return self._kept("screen-key")
+
+    def _kept(self, name: str) -> Path | None:
         if self.service is None:
-            return self.folder / "windows"
-        return platformdirs.user_state_path("puppetline") / f"windows-{self.port}" if self.port else None
+            return self.folder / name
+        return platformdirs.user_state_path("puppetline") / f"{name}-{self.port}" if self.port else None
 
 
 @dataclass(frozen=True)
 class Served:
-    """A studio that is served: its backend, its port, and a function that makes a link with a new one-time token."""
+    """A studio that is served.
+
+    Attributes
+    ----------
+    studio : Backend
+    port : int
+    link : callable
+        Makes a link with a new one-time token.
+    screen : str
+        Address of the screen: of the kiosk, or of the characters on a transparent ground.
+    phones : str or None
+        Address for visitors' phones; None without a kiosk or network.
+    """
 
     studio: Backend
     port: int
     link: Callable[[], str]
+    screen: str
+    phones: str | None
 
 
 @asynccontextmanager
@@ -103,22 +130,29 @@ async def served(settings: StudioSettings, entered: Callable[[], None] = lambda:
     fixed = None if settings.token_file is None else read_token(settings.token_file)
     check_exposure(Addresses(settings.host, settings.port, settings.origins), fixed)
     tokens = Tokens(fixed, settings.windows)
+    kiosk = None if settings.kiosk is None else VisitorsKiosk.of_service_file(settings.kiosk)
     async with contextlib.AsyncExitStack() as stack:
         links: list[Callable[[], str]] = []
-        studio = _backend(settings, stack, lambda: links[0]())
+        own = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="puppetline-")))
+        studio = _backend(settings, own, {} if kiosk is None else kiosk.puppets, lambda: links[0]())
+        screens = ScreenKey(settings.screen_key or own / "screen-key")
         stack.push_async_callback(studio.close)
         listener = _bound(Addresses(settings.host, settings.port).bound, settings.port)
         port = listener.getsockname()[1]
         addresses = Addresses(settings.host, port, settings.origins)
         links.append(lambda: addresses.link(tokens.invite()))
-        app = make_app(studio, Access(addresses, tokens, entered), settings.page, settings.visitors)
+        app = make_app(studio, Access(addresses, tokens, screens, entered), settings.page, kiosk)
         runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0)
         await runner.setup()
         stack.push_async_callback(runner.cleanup)
         await web.SockSite(runner, listener).start()
         opening = asyncio.create_task(studio.begin(settings.first))
         stack.callback(opening.cancel)
-        yield Served(studio, port, links[0])
+        if kiosk is not None and kiosk.table.phone_port:
+            stack.callback(asyncio.create_task(serve_phones(kiosk)).cancel)
+        path = "/stage?transparent" if kiosk is None else "/kiosk"
+        screen = f"{addresses.first}{path}#key={screens.text}"
+        yield Served(studio, port, links[0], screen, None if kiosk is None else kiosk.phone_address)
 
 
 async def run(settings: StudioSettings, started: Callable[[Served], None], entered: Callable[[], None]) -> None:
@@ -144,16 +178,13 @@ def _signals_call(do: Callable[[], object]) -> Iterator[None]:
         yield
 
 
-def _backend(settings: StudioSettings, stack: contextlib.AsyncExitStack, invite: Callable[[], str]) -> Backend:
+def _backend(settings: StudioSettings, own: Path, puppets: dict[str, Path], invite: Callable[[], str]) -> Backend:
     if settings.service is None:
         workspace = Workspace(settings.folder)
         service = OwnService(workspace.folder, _service_token(workspace.folder))
         return Studio(workspace, service, invite, settings.sound)
     joined = JoinedService(settings.service, settings.service_token)
-    nothing = stack.enter_context(
-        tempfile.TemporaryDirectory(prefix="puppetline-")
-    )  # another studio may use the folder
-    return JoinedStudio(Workspace(Path(nothing)), joined, invite)
+    return JoinedStudio(Workspace(own), joined, invite, puppets)  # another studio may use the folder
 
 
 def _service_token(folder: Path) -> str:

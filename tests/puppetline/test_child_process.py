@@ -7,9 +7,10 @@ import sys
 import psutil
 import pytest
 
-from puppetline.child_process import VARIABLE
+from puppetline.child_process import VARIABLE, kept_running
 
 from ..commands import TIMEOUT_SECONDS
+from ..waiting import wait_until
 
 CHILD = """
 from puppetline import child_process
@@ -40,6 +41,26 @@ def test_a_child_ends_when_its_parent_is_killed(prepare):
     parent.kill()
     parent.wait()
     assert not psutil.wait_procs(children, TIMEOUT_SECONDS)[1]
+
+
+def test_a_child_that_is_kept_running_is_started_again_until_the_end(tmp_path):
+    path = tmp_path / "pids"
+    program = f"import os, threading; open({str(path)!r}, 'a').write(f'{{os.getpid()}} '); threading.Event().wait()"
+    started = []
+
+    def new():
+        pids = [int(pid) for pid in path.read_text().split()] if path.exists() else []
+        return pids[len(started) :]
+
+    with kept_running([sys.executable, "-c", program]):
+        for _ in range(3):
+            wait_until(new)
+            started.append(psutil.Process(new()[0]))
+            if len(started) < 3:
+                started[-1].kill()
+        assert started[-1].is_running()
+    assert not psutil.wait_procs(started, TIMEOUT_SECONDS)[1]
+    assert new() == []
 
 
 def test_a_process_that_nobody_bound_does_not_read_its_input():

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, FiniteFloat, StrictBool, model_validator
 
+from engine_bridge.service.kiosk.kiosk_table import KioskTable
 from engine_bridge.service.outputs.osc import OscTable
 from engine_bridge.service.outputs.output import OutputTable
 from engine_bridge.service.outputs.websocket import WebSocketTable
@@ -19,7 +20,6 @@ from engine_bridge.service.players.player_settings import PlayerSettings
 from engine_bridge.service.security.endpoints import Text
 from engine_bridge.service.stages.stage import StageSettings
 from engine_bridge.service.stages.user_assignment import People
-from engine_bridge.service.takes.kiosk import KioskTable
 from puppetline import toml_schema
 from puppetline.errors import ServiceError
 from puppetline.toml_schema import Table, check_distinct, mistake

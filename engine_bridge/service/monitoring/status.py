@@ -241,6 +241,14 @@ class TimelineStatus:
 
 
 @dataclass(frozen=True)
+class ClipStatus:
+    """The film of a kiosk's visitor: its code, and the seconds until it is deleted, None while it is made."""
+
+    code: str
+    seconds_left: int | None
+
+
+@dataclass(frozen=True)
 class Status:
     """The whole status; `timeline` is None if no take plays."""
 
@@ -250,6 +258,7 @@ class Status:
     clients: ClientsStatus
     outputs: Sequence[OutputStatus]
     timeline: TimelineStatus | None = None
+    clips: Sequence[ClipStatus] = ()
 
     @property
     def performing(self) -> int:

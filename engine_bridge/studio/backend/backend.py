@@ -56,6 +56,11 @@ class Backend:
         """The whole state."""
         raise NotImplementedError
 
+    @property
+    def models(self) -> dict[str, Path]:
+        """Files with the materials of characters, by their names."""
+        raise NotImplementedError
+
     async def begin(self, first: Path | None = None) -> None:
         """Open the characters of the last run, and a puppet file or mesh; errors are logged."""
 

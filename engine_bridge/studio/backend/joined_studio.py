@@ -6,7 +6,6 @@ The files of the service are on its machine. Therefore nothing is opened, closed
 import asyncio
 import contextlib
 import json
-import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Never
@@ -15,8 +14,9 @@ from engine_bridge.puppet.puppet_values import puppet_of, values_of
 from engine_bridge.studio.backend.backend import Backend, puppet_reply
 from engine_bridge.studio.backend.page_state import state_of, version_of
 from engine_bridge.studio.messages import base, characters, takes
-from engine_bridge.studio.messages.state import CharacterState, ClipState, SourceState, State, TakeState
+from engine_bridge.studio.messages.state import CharacterState, SourceState, State, TakeState
 from engine_bridge.studio.project.workspace import Workspace
+from engine_bridge.studio.screen.models import Models
 from engine_bridge.studio.service.chosen_source import ChosenSource
 from engine_bridge.studio.service.joined_service import JoinedService
 from puppetline.errors import PuppetlineError, ServiceError
@@ -35,16 +35,20 @@ class JoinedStudio(Backend):
     service : JoinedService
     invite : callable
         Returns an address with a new one-time token.
+    puppets : dict of str to Path
+        Puppet files of the service's characters, if they are on this machine.
     """
 
     joined = True
     service: JoinedService
 
-    def __init__(self, workspace: Workspace, service: JoinedService, invite: Callable[[], str]) -> None:
+    def __init__(
+        self, workspace: Workspace, service: JoinedService, invite: Callable[[], str], puppets: dict[str, Path]
+    ) -> None:
         super().__init__(workspace, service, invite)
+        self._models = Models(puppets, workspace.folder)
         self._puppets: dict[str, dict[str, Any]] = {}
         self._takes: list[TakeState] = []
-        self._clips: list[ClipState] = []
         self._poller = asyncio.create_task(self._poll())
 
     @property
@@ -59,8 +63,12 @@ class JoinedStudio(Backend):
             if name in self._puppets
         ]
         recording = next((each["recording"] for each in stages if each["recording"] is not None), None)
-        state = state_of(characters, playing, self.service, self._takes, self.workspace, [], recording)
-        return state.model_copy(update={"clips": self._clips})
+        return state_of(characters, playing, self.service, self._takes, self.workspace, [], recording)
+
+    @property
+    def models(self) -> dict[str, Path]:
+        """Files with the materials of characters, by their names."""
+        return self._models.made
 
     async def receive(self, name: str, path: Path) -> Never:
         """Refuse a file."""
@@ -72,6 +80,7 @@ class JoinedStudio(Backend):
         self._poller.cancel()
         with contextlib.suppress(asyncio.CancelledError):
             await self._poller
+        await self._models.close()
         await super().close()
 
     async def _refuse(self, asked: base.Request) -> Never:
@@ -118,16 +127,6 @@ class JoinedStudio(Backend):
             self._takes = takes
             self.changed()
 
-    async def _list_clips(self) -> None:
-        listed = (await self.service.request("clips"))["clips"]
-        clips = [
-            ClipState(code=code, minutes=None if left is None else math.ceil(left / 60))
-            for code, left in ((each["code"], each["seconds_left"]) for each in listed)
-        ]
-        if clips != self._clips:
-            self._clips = clips
-            self.changed()
-
     async def _poll(self) -> None:
         while True:
             with contextlib.suppress(PuppetlineError):
@@ -135,7 +134,6 @@ class JoinedStudio(Backend):
                     self._took(await self.service.request("puppet", character=name))
                 if self.service.status:
                     await self._list_takes()
-                    await self._list_clips()
             await asyncio.sleep(PUPPET_SECONDS if self._puppets else PUPPET_SECONDS / 10)
 
 

@@ -88,6 +88,11 @@ class Studio(Backend):
         installed = [extra for extra in MODULES if is_installed(extra)]
         return state.model_copy(update={"film": self._film.state, "installed": installed, "microphone": self._hears})
 
+    @property
+    def models(self) -> dict[str, Path]:
+        """Files with the materials of characters, by their names."""
+        return {each.name: each.model.path for each in self.characters.all if each.model is not None}
+
     async def receive(self, name: str, path: Path) -> UploadReply:
         """Check a received file, in the worker, and keep it."""
         try:

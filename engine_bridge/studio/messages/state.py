@@ -260,13 +260,6 @@ class Banner(Table):
     fix: str = ""
 
 
-class ClipState(Table):
-    """A video of a kiosk's visitor: its code, and the minutes until it is deleted, None while it is made."""
-
-    code: str
-    minutes: int | None
-
-
 class State(Table):
     """Everything that the page shows and that is not in a reply; sent whole whenever it changes.
 
@@ -285,7 +278,6 @@ class State(Table):
     installed: Sequence[str] = ()
     microphone: bool = False
     timeline: TimelineStatus | None = None
-    clips: Sequence[ClipState] = ()
     uploads: Sequence[UploadState] = ()
     files: Sequence[FileState] = ()
     jobs: Sequence[JobState] = ()

@@ -15,11 +15,12 @@ from pydantic import BaseModel
 
 from engine_bridge.film import scene
 from engine_bridge.puppet import puppet
-from engine_bridge.service.monitoring.status import TimelineStatus
+from engine_bridge.service.monitoring.status import Status, TimelineStatus
 from engine_bridge.studio.messages.characters import PuppetReply
 from engine_bridge.studio.messages.connection import Greeting, ServerError
 from engine_bridge.studio.messages.film import FilmReply, Install
 from engine_bridge.studio.messages.performers import LookReply, SmoothingReply, Sources
+from engine_bridge.studio.messages.screen import ScreenSettings
 from engine_bridge.studio.messages.state import State, UploadKind, UploadReply
 from engine_bridge.studio.messages.takes import ExportReply
 
@@ -47,6 +48,7 @@ NAMES: dict[type, str] = {
     **SCENE,
     scene.FilmTable: "FilmFormat",
     TimelineStatus: "Timeline",
+    Status: "ServiceReport",
     **PUPPET,
     puppet.CharacterTable: "PuppetCharacter",
     puppet.ChannelTable: "Range",
@@ -81,6 +83,8 @@ ROOTS: tuple[type, ...] = (
     UploadReply,
     ExportReply,
     FilmReply,
+    ScreenSettings,
+    Status,
 )
 """Classes of what is sent; those in them follow."""
 

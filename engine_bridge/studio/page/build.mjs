@@ -1,5 +1,5 @@
-// Builds the page into dist/: one script, one style sheet, one document, all from this folder and integrations/web; and the
-// player of a .glb, which documents contain.
+// Builds the page into dist/: the page and the screen, each a script, a style sheet and a document, all from this folder
+// and integrations/web; and the player of a .glb, which documents contain.
 import { build } from "esbuild";
 import { copyFile, cp, mkdir, rm } from "node:fs/promises";
 
@@ -15,7 +15,10 @@ const options = {
   logLevel: "warning",
 };
 await build({ ...options, entryPoints: [`${root}src/start.ts`], outfile: `${root}dist/assets/studio.js`, format: "esm" });
+await build({ ...options, entryPoints: [`${root}src/screen/start.ts`], outfile: `${root}dist/assets/screen.js`, format: "esm" });
 await build({ ...options, entryPoints: [`${root}src/player.ts`], outfile: `${root}dist/player.js`, format: "iife" });
-await build({ entryPoints: [`${root}style.css`], outfile: `${root}dist/assets/style.css`, bundle: true, minify: true });
+for (const name of ["style", "screen"]) {
+  await build({ entryPoints: [`${root}${name}.css`], outfile: `${root}dist/assets/${name}.css`, bundle: true, minify: true });
+}
 await cp(`${root}pictures`, `${root}dist/assets`, { recursive: true });
-await copyFile(`${root}index.html`, `${root}dist/index.html`);
+for (const name of ["index", "screen"]) await copyFile(`${root}${name}.html`, `${root}dist/${name}.html`);

@@ -13,13 +13,19 @@ from engine_bridge.service.security.endpoints import keep_alive
 MAX_TOPIC_CHARACTERS = 63
 """Maximum length of a topic (docs/protocol.md)."""
 
-REFUSED = {
-    "where": "the stream",
-    "found": "no subscription",
-    "expected": "subscribe or unsubscribe, with a topic",
-    "fix": "Send requests to /api.",
-}
-"""Error for a text that is not a subscription."""
+REFUSED = json.dumps(
+    {
+        "id": None,
+        "ok": False,
+        "error": {
+            "where": "the stream",
+            "found": "no subscription",
+            "expected": "subscribe or unsubscribe, with a topic",
+            "fix": "Send requests to /api.",
+        },
+    }
+)
+"""Error reply to a text that is not a subscription."""
 
 
 class StreamLink:
@@ -31,13 +37,10 @@ class StreamLink:
 
     async def send(self, text: str) -> str | None:
         """Subscribe or unsubscribe as a WebSocket client does; return an error reply to any other text."""
-        try:
-            asked = json.loads(text)
-            ((key, topic),) = asked.items()
-            if key not in ("subscribe", "unsubscribe") or not _is_topic(topic):
-                raise ValueError(key)
-        except (ValueError, AttributeError, RecursionError):
-            return json.dumps({"id": None, "ok": False, "error": REFUSED})
+        asked = subscription_of(text)
+        if asked is None:
+            return REFUSED
+        key, topic = asked
         if topic in self._topics:  # subscribing again requests the topic again
             self._socket.unsubscribe(topic.encode() + b"\0")
             self._topics.discard(topic)
@@ -74,6 +77,15 @@ async def streaming(address: str, token: str | None) -> AsyncIterator[StreamLink
         yield StreamLink(socket)
     finally:
         context.destroy(linger=0)
+
+
+def subscription_of(text: str) -> tuple[str, str] | None:
+    """Return ``subscribe`` or ``unsubscribe`` and the topic of a client's text; None for any other text."""
+    try:
+        ((key, topic),) = json.loads(text).items()
+    except (ValueError, AttributeError, RecursionError):
+        return None
+    return (key, topic) if key in ("subscribe", "unsubscribe") and _is_topic(topic) else None
 
 
 def _is_topic(topic: Any) -> bool:

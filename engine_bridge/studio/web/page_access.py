@@ -47,6 +47,8 @@ class Addresses:
     is_loopback : bool
     access : WebAccess
         Accepts requests by their headers Host and Origin.
+    first : str
+        Beginning of the addresses that a user opens.
 
     Raises
     ------
@@ -59,11 +61,11 @@ class Addresses:
         self.bound, self.is_loopback = str(address), address.is_loopback
         self.access = WebAccess(address, host, [_origin(each) for each in origins])
         name = "localhost" if address.is_unspecified else f"[{address}]" if address.version == 6 else str(address)
-        self._first = origins[0].rstrip("/") if origins else f"http://{name}:{port}"
+        self.first = origins[0].rstrip("/") if origins else f"http://{name}:{port}"
 
     def link(self, token: str) -> str:
         """Return the address to open in a browser; the token is in its fragment, which browsers do not send."""
-        return f"{self._first}/#token={token}"
+        return f"{self.first}/#token={token}"
 
 
 class Tokens:

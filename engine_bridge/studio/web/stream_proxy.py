@@ -10,7 +10,7 @@ import json
 import logging
 from collections import deque
 from collections.abc import AsyncIterator, Callable
-from typing import Protocol
+from typing import Literal, Protocol
 
 import aiohttp
 from aiohttp import WSMsgType, web
@@ -19,9 +19,8 @@ from engine_bridge.service.monitoring.logs import OnceASecond
 from engine_bridge.service.security.web_sockets import CLOSE_SECONDS, Heartbeat, first_text, refuse
 from engine_bridge.studio.messages.connection import CloseCode
 from engine_bridge.studio.service.service_process import Reached
-from engine_bridge.studio.service.stream_link import streaming
+from engine_bridge.studio.service.stream_link import REFUSED, streaming, subscription_of
 from engine_bridge.studio.web.api_connection import HEARTBEAT_SECONDS, HELLO_SECONDS, token_of
-from engine_bridge.studio.web.page_access import Tokens
 
 TOPIC_BYTES = 64
 """Length of a message's topic in bytes (docs/protocol.md)."""
@@ -37,6 +36,9 @@ MAX_REPLIES = 256
 
 SEND_BUFFER_BYTES = 262_144
 """Size of the system's buffer of a page's connection in bytes; what is in it cannot be replaced by newer frames."""
+
+Rights = Literal["none", "subscribe", "all"]
+"""What a token allows on the stream: a screen subscribes, and a page of the studio also makes requests."""
 
 _rarely = OnceASecond(logging.getLogger(__name__))
 
@@ -74,7 +76,10 @@ class _Newest:
 
 
 async def pass_through(
-    request: web.Request, tokens: Tokens, handshakes: asyncio.Semaphore, reached: Callable[[], Reached | None]
+    request: web.Request,
+    rights_of: Callable[[str], Rights],
+    handshakes: asyncio.Semaphore,
+    reached: Callable[[], Reached | None],
 ) -> web.WebSocketResponse:
     """Serve a page's WebSocket until the page or the service closes it.
 
@@ -85,7 +90,8 @@ async def pass_through(
         await page.prepare(request)
         _limit_buffers(request)
         token = token_of(await first_text(page, HELLO_SECONDS))
-    if token is None or not tokens.is_session(token):
+    rights = "none" if token is None else rights_of(token)
+    if rights == "none":
         _rarely.warning("client refused", reason="no session token", address=request.remote)
         await refuse(request, page, CloseCode.REFUSED, b"no session token")
         return page
@@ -104,7 +110,7 @@ async def pass_through(
                 session.ws_connect(service.stream, max_msg_size=MAX_MESSAGE_BYTES, compress=0) as socket,
             ):
                 await socket.send_str(json.dumps({} if service.token is None else {"token": service.token}))
-                await _exchange(page, heartbeat, _WebSocket(socket))
+                await _exchange(page, heartbeat, _WebSocket(socket, rights))
     if not page.closed:
         await page.close(code=CloseCode.NO_SERVICE, message=b"the service has ended")
     return page
@@ -121,11 +127,14 @@ class _Upstream(Protocol):
 class _WebSocket:
     """The service's WebSocket."""
 
-    def __init__(self, socket: "aiohttp.ClientWebSocketResponse") -> None:
-        self._socket = socket
+    def __init__(self, socket: "aiohttp.ClientWebSocketResponse", rights: Rights) -> None:
+        self._socket, self._rights = socket, rights
 
-    async def send(self, text: str) -> None:
+    async def send(self, text: str) -> str | None:
+        if self._rights == "subscribe" and subscription_of(text) is None:
+            return REFUSED
         await self._socket.send_str(text)
+        return None
 
     async def messages(self) -> AsyncIterator[str | bytes]:
         async for message in self._socket:

@@ -3,22 +3,24 @@
 import asyncio
 import json
 import logging
-import re
 from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NoReturn
 from urllib.parse import quote
 
 from aiohttp import web
 
 from engine_bridge.service.monitoring.logs import OnceASecond
-from engine_bridge.service.takes.kiosk import CODE
 from engine_bridge.studio.backend.backend import Backend
 from engine_bridge.studio.project.workspace import UploadError
+from engine_bridge.studio.screen.kiosk import VisitorsKiosk
+from engine_bridge.studio.screen.screen_key import ScreenKey
 from engine_bridge.studio.web.api_connection import ApiClient
-from engine_bridge.studio.web.clip_page import STYLE, clip_page
+from engine_bridge.studio.web.film_routes import sent
 from engine_bridge.studio.web.page_access import Addresses, Tokens, bearer, page_headers
-from engine_bridge.studio.web.stream_proxy import pass_through
+from engine_bridge.studio.web.screen_routes import ScreenRoutes
+from engine_bridge.studio.web.stream_proxy import Rights, pass_through
 from puppetline.errors import OutputError, PuppetlineError, ServiceError
 
 PAGE = Path(__file__).parents[1] / "page" / "dist"
@@ -40,14 +42,15 @@ _rarely = OnceASecond(log)
 
 @dataclass(frozen=True)
 class Access:
-    """Access to the server: its addresses and tokens, and a callback for when a one-time token is used."""
+    """Access to the server: addresses, tokens, the key of screens, and a callback for when a one-time token is used."""
 
     addresses: Addresses
     tokens: Tokens
+    screens: ScreenKey
     entered: Callable[[], None] = lambda: None
 
 
-def make_app(studio: Backend, access: Access, page: Path = PAGE, visitors: Path | None = None) -> web.Application:
+def make_app(studio: Backend, access: Access, page: Path = PAGE, kiosk: VisitorsKiosk | None = None) -> web.Application:
     """Return the application.
 
     Parameters
@@ -56,19 +59,17 @@ def make_app(studio: Backend, access: Access, page: Path = PAGE, visitors: Path 
     access : Access
     page : Path
         Folder of the built page.
-    visitors : Path, optional
-        Folder of a kiosk's videos, which whoever knows the code of one can download.
+    kiosk : VisitorsKiosk, optional
     """
-    server = _Server(studio, access, page, visitors)
+    server = _Server(studio, access, page)
     app = web.Application(middlewares=[server.check])
     app.router.add_get("/", server.index)
     app.router.add_get("/api", server.api)
     app.router.add_get("/stream", server.stream)
     app.router.add_post("/uploads", server.upload)
     app.router.add_get("/files/{file}", server.download)
-    app.router.add_get("/clips", server.clips)
-    app.router.add_get("/clips.css", server.clips_style)
-    app.router.add_get(f"/clips/{{code:{CODE}}}", server.clip)
+    screen = server.assets.get("screen.html")
+    ScreenRoutes(screen, server.authorize_screen, lambda: studio.models, kiosk).add_to(app.router)
     app.router.add_get("/{path:.+}", server.asset)
     return app
 
@@ -76,9 +77,9 @@ def make_app(studio: Backend, access: Access, page: Path = PAGE, visitors: Path 
 class _Server:
     """The handlers of all paths."""
 
-    def __init__(self, studio: Backend, access: Access, page: Path, visitors: Path | None) -> None:
-        self._studio, self._access, self._visitors = studio, access, visitors
-        self._assets = _assets(page)
+    def __init__(self, studio: Backend, access: Access, page: Path) -> None:
+        self._studio, self._access = studio, access
+        self.assets = _assets(page)
         self._handshakes = asyncio.Semaphore(MAX_HANDSHAKES)
 
     @web.middleware
@@ -102,13 +103,13 @@ class _Server:
 
     async def index(self, _: web.Request) -> web.StreamResponse:
         """Send the page."""
-        if "index.html" not in self._assets:
+        if "index.html" not in self.assets:
             return web.Response(status=503, text=NOT_BUILT)
-        return web.FileResponse(self._assets["index.html"])
+        return web.FileResponse(self.assets["index.html"])
 
     async def asset(self, request: web.Request) -> web.StreamResponse:
         """Send a file of the page that existed when the server started."""
-        return _file(self._assets.get(request.match_info["path"]))
+        return sent(self.assets.get(request.match_info["path"]))
 
     async def api(self, request: web.Request) -> web.StreamResponse:
         """Serve the protocol of `engine_bridge.studio.messages`."""
@@ -117,8 +118,8 @@ class _Server:
 
     async def stream(self, request: web.Request) -> web.StreamResponse:
         """Pass the service's WebSocket through."""
-        tokens, handshakes = self._access.tokens, self._free_handshakes()
-        return await pass_through(request, tokens, handshakes, lambda: self._studio.service.reached)
+        handshakes = self._free_handshakes()
+        return await pass_through(request, self._rights, handshakes, lambda: self._studio.service.reached)
 
     async def upload(self, request: web.Request) -> web.StreamResponse:
         """Receive a file."""
@@ -139,25 +140,15 @@ class _Server:
         response.headers["Content-Disposition"] = f"attachment; filename*=UTF-8''{quote(found.name)}"
         return response
 
-    async def clip(self, request: web.Request) -> web.StreamResponse:
-        """Send the video of a kiosk's visitor, without a session: the code is the key."""
-        return _file(self._video(request.match_info["code"]))
+    def authorize_screen(self, request: web.Request) -> None:
+        """Refuse a request without the key of screens and without a session token."""
+        if self._rights(bearer(request.headers)) == "none":
+            self._refuse(request)
 
-    async def clips(self, request: web.Request) -> web.StreamResponse:
-        """Send the page on which a visitor types a code, without a session."""
-        code = re.sub(r"\W", "", request.query.get("code", ""))[:12].upper()
-        return web.Response(text=clip_page(code, self._video(code) is not None), content_type="text/html")
-
-    async def clips_style(self, _: web.Request) -> web.StreamResponse:
-        """Send the style of that page."""
-        return web.Response(text=STYLE, content_type="text/css")
-
-    def _video(self, code: str) -> Path | None:
-        """Return the video of a code; None if there is none."""
-        if self._visitors is None or not re.fullmatch(CODE, code):
-            return None
-        path = self._visitors / f"{code}.mp4"
-        return path if path.is_file() else None
+    def _rights(self, token: str) -> Rights:
+        if self._access.tokens.is_session(token):
+            return "all"
+        return "subscribe" if self._access.screens.opens(token) else "none"
 
     def _free_handshakes(self) -> asyncio.Semaphore:
         """Return what counts the connections without a token, unless there are too many."""
@@ -168,13 +159,16 @@ class _Server:
 
     def _authorize(self, request: web.Request) -> None:
         if not self._access.tokens.is_session(bearer(request.headers)):
-            _rarely.warning("request refused", reason="no session token", address=request.remote)
-            raise UnauthorizedError(
-                "the header Authorization",
-                found="no valid session token",
-                expected="Bearer and the session token of the greeting",
-                fix="Reload the page.",
-            )
+            self._refuse(request)
+
+    def _refuse(self, request: web.Request) -> NoReturn:
+        _rarely.warning("request refused", reason="no session token", address=request.remote)
+        raise UnauthorizedError(
+            "the header Authorization",
+            found="no valid session token",
+            expected="Bearer and the session token of the greeting",
+            fix="Reload the page.",
+        )
 
 
 class UnauthorizedError(ServiceError):
@@ -189,12 +183,6 @@ async def _chunks(request: web.Request) -> AsyncIterator[bytes]:
 def _assets(page: Path) -> dict[str, Path]:
     """Return the files of the page by their paths in addresses, so that no address is turned into a path."""
     return {path.relative_to(page).as_posix(): path for path in page.rglob("*") if path.is_file()}
-
-
-def _file(path: Path | None) -> web.FileResponse:
-    if path is None:
-        raise web.HTTPNotFound
-    return web.FileResponse(path)
 
 
 def _status(error: PuppetlineError) -> int:

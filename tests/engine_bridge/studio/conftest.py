@@ -15,6 +15,24 @@ TIMEOUT_SECONDS = 400.0
 """Time after which a test fails, in seconds; the first start of a service compiles."""
 
 
+KIOSK = """
+[kiosk]
+phone_port = 0
+minutes = 5.0
+
+[kiosk.screen]
+title = "Museum"
+logo = "logo.svg"
+film = "missing.mp4"
+languages = ["de", "en"]
+texts.de.film = "Dein Film!"
+
+[[stage]]
+source = "osc:0"
+character = [{ puppet = "dog.toml" }]
+"""
+
+
 class RunningStudio:
     """A studio in a thread with its own event loop."""
 
@@ -192,6 +210,10 @@ def studio(start_studio, tmp_path_factory):
     (page / "index.html").write_text("<!doctype html><title>Studio</title>")
     (page / "assets").mkdir()
     (page / "assets" / "page.js").write_text("export {};")
-    running = start_studio(tmp_path_factory.mktemp("studio"), page=page, visitors=tmp_path_factory.mktemp("visitors"))
+    (page / "screen.html").write_text("<!doctype html><title>Screen</title>")
+    kiosk = tmp_path_factory.mktemp("kiosk") / "kiosk.toml"
+    kiosk.write_text(KIOSK)
+    (kiosk.parent / "logo.svg").write_text("<svg/>")
+    running = start_studio(tmp_path_factory.mktemp("studio"), page=page, kiosk=kiosk)
     yield running
     running.close()

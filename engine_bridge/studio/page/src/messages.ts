@@ -33,7 +33,6 @@ export interface ServerState {
   readonly installed: readonly string[];
   readonly microphone: boolean;
   readonly timeline: Timeline | null;
-  readonly clips: readonly ClipState[];
   readonly uploads: readonly UploadState[];
   readonly files: readonly FileState[];
   readonly jobs: readonly JobState[];
@@ -114,6 +113,22 @@ export interface FilmReply {
   readonly name: string;
   readonly seconds: number;
   readonly notes: readonly string[];
+}
+
+export interface ScreenSettings {
+  readonly run: string;
+  readonly models: readonly string[];
+  readonly kiosk: KioskScreen | null;
+}
+
+export interface ServiceReport {
+  readonly service: ServiceStatus;
+  readonly stages: readonly StageStatus[];
+  readonly characters: readonly CharacterStatus[];
+  readonly clients: ClientsStatus;
+  readonly outputs: readonly OutputStatus[];
+  readonly timeline: Timeline | null;
+  readonly clips: readonly ClipStatus[];
 }
 
 export interface CharacterState {
@@ -201,11 +216,6 @@ export interface Timeline {
   readonly paused: boolean;
   readonly loop: boolean;
   readonly takes: readonly TimelineTake[];
-}
-
-export interface ClipState {
-  readonly code: string;
-  readonly minutes: number | null;
 }
 
 export interface UploadState {
@@ -349,6 +359,75 @@ export interface Vrm {
   readonly version?: string | null;
 }
 
+export interface KioskScreen {
+  readonly title: string;
+  readonly files: readonly string[];
+  readonly background: string;
+  readonly color: string;
+  readonly accent: string;
+  readonly languages: readonly string[];
+  readonly texts: Readonly<Record<string, Readonly<Record<string, string>>>>;
+  readonly minutes: number;
+  readonly longest: number;
+  readonly phones: string | null;
+}
+
+export interface ServiceStatus {
+  readonly version: string;
+  readonly uptime: number;
+  readonly pid: number;
+  readonly memory: number;
+  readonly cpu: number;
+}
+
+export interface StageStatus {
+  readonly name: string;
+  readonly source: string;
+  readonly frames: number;
+  readonly rate: number;
+  readonly dropped: number;
+  readonly refused: Readonly<Record<string, number>>;
+  readonly faults: number;
+  readonly latency_ms: LatencyStatus;
+  readonly users: readonly UserStatus[];
+  readonly sensor: SensorStatus;
+  readonly recording: string | null;
+  readonly count_in: number;
+}
+
+export interface CharacterStatus {
+  readonly name: string;
+  readonly stage: string;
+  readonly performer: number | null;
+  readonly state: string;
+  readonly frames: number;
+  readonly rate: number;
+  readonly residual: number | null;
+  readonly limited: number;
+}
+
+export interface ClientsStatus {
+  readonly connected: number;
+  readonly refused: number;
+  readonly limit: number;
+}
+
+export interface OutputStatus {
+  readonly wire: string;
+  readonly target: string;
+  readonly sent: number;
+  readonly bytes: number;
+  readonly skipped: number | null;
+  readonly failed: number;
+  readonly clients: number | null;
+  readonly refused: number;
+}
+
+export interface ClipStatus {
+  readonly code: string;
+  readonly seconds_left: number | null;
+}
+
 export interface FilmTake {
   readonly start: number;
   readonly stop: number | null;
@@ -391,6 +470,29 @@ export interface Bend {
   readonly axis?: Direction;
 }
 
+export interface LatencyStatus {
+  readonly p50: number | null;
+  readonly p95: number | null;
+  readonly p99: number | null;
+  readonly max: number | null;
+}
+
+export interface UserStatus {
+  readonly user: number;
+  readonly state: string;
+  readonly character: string | null;
+  readonly seen: number;
+  readonly distance: number;
+  readonly height: number | null;
+  readonly reach: number | null;
+}
+
+export interface SensorStatus {
+  readonly tilt: number;
+  readonly height: number;
+  readonly roll: number;
+}
+
 export interface FilmFormat {
   readonly size?: readonly [number, number];
   readonly fps?: number;
@@ -423,7 +525,7 @@ export interface FilmCamera {
   readonly shot?: "wide" | "close" | "follow" | "over the shoulder";
   readonly show?: readonly string[];
   readonly behind?: string | null;
-  readonly azimuth?: number;
+  readonly azimuth?: number | null;
   readonly elevation?: number;
   readonly field_of_view?: number;
   readonly zoom?: number;
@@ -470,7 +572,7 @@ export interface FilmBubble {
 export interface FilmCharacter {
   readonly name: string;
   readonly puppet: string;
-  readonly position?: readonly [number, number];
+  readonly position?: readonly [number, number] | null;
   readonly turn?: number;
   readonly height?: number | null;
   readonly color?: string | null;

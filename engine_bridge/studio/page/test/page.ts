@@ -113,7 +113,6 @@ const STATE: ServerState = {
   installed: ["camera", "film", "sound"],
   microphone: false,
   timeline: null,
-  clips: [],
   uploads: [],
   files: [],
   jobs: [],

@@ -212,13 +212,3 @@ test("the microphone is switched on and off, and installed first if it must be",
   await page.button("Microphone").click();
   assert.deepEqual(page.server.asked("microphone"), [{ on: true }, { on: false }]);
 });
-
-test("a kiosk's visitor sees that the video is being made, and then its code", async () => {
-  const page = await Page.open();
-  assert.deepEqual(page.every("aside", "offer"), []);
-  page.server.change({ clips: [{ code: "K7M2QX", minutes: null }] });
-  assert.ok(page.text.includes("Your film is being made."));
-  page.server.change({ clips: [{ code: "K7M2QX", minutes: 10 }] });
-  assert.ok(page.text.includes("Your film! Open 127.0.0.1:7480/clips and typeK7M2QXIt is there for 10 minutes."));
-  assert.equal(page.every("video")[0]?.is("src"), "/clips/K7M2QX");
-});

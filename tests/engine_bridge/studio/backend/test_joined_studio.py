@@ -158,25 +158,3 @@ def test_a_killed_service_takes_its_page_with_it_and_the_next_one_accepts_the_sa
     assert asyncio.run(enter(address, hello["session"]))[1] == "blob"
     process.terminate()
     assert process.wait() == 0
-
-
-def test_the_videos_of_a_kiosk_s_visitors_are_listed(joined, monkeypatch):
-    service = joined.served.studio.service
-    request = service.request
-    listed = [{"code": "K7M2QX", "seconds_left": 541}, {"code": "ABCDEF", "seconds_left": None}]
-
-    async def answered(do, **arguments):
-        return {"clips": listed} if do == "clips" else await request(do, **arguments)
-
-    monkeypatch.setattr(service, "request", answered)
-    state = joined.until(lambda state: state["clips"])
-    assert state["clips"] == [{"code": "K7M2QX", "minutes": 10}, {"code": "ABCDEF", "minutes": None}]
-
-
-def test_the_page_continues_after_the_service_has_started_again(joined, service, start):
-    service.process.kill()
-    service.ended()
-    lost = joined.until(lambda state: not state["service"]["running"])
-    assert lost["banner"]["text"] == f"The service at 127.0.0.1:{service.port} does not answer."
-    start()
-    joined.until(lambda state: state["service"]["running"] and state["characters"])

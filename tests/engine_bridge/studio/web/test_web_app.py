@@ -37,25 +37,6 @@ def test_the_studios_own_page_is_accepted(studio):
         assert studio.http("GET", "/", headers=headers)[0] == 200
 
 
-def test_the_video_of_a_visitor_is_sent_to_whoever_knows_its_code(studio):
-    video = studio.settings.visitors / "ABCDEF.mp4"
-    video.write_bytes(b"video")
-    assert studio.http("GET", "/clips/ABCDEF")[::2] == (200, b"video")
-    for path in ("/clips/ABCDEG", "/clips/abcdef", "/clips/ABCDEF.mp4", "/clips/..%2fABCDEF", "/clips/"):
-        assert studio.http("GET", path)[0] == 404
-    status, headers, page = studio.http("GET", "/clips?code=abc%20def")
-    assert (status, headers["Content-Type"]) == (200, "text/html; charset=utf-8")
-    assert b'<video src="/clips/ABCDEF" controls' in page
-    assert b'<a href="/clips/ABCDEF" download=' in page
-    for code in ("", "ABCDEG", "%22%3E%3Cb%3E"):
-        page = studio.http("GET", f"/clips?code={code}")[2]
-        assert b"<video" not in page
-        assert b"<b>" not in page
-        assert (b"There is no film" in page) == bool(code)
-    video.unlink()
-    assert studio.http("GET", "/clips/ABCDEF")[0] == 404
-
-
 def test_uploads_and_downloads_require_a_session_token(studio):
     one_time = studio.token()
     for value in ("", "Bearer", "Bearer wrong", f"Bearer {one_time}", f"Basic {studio.session}"):

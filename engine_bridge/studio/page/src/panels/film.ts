@@ -8,29 +8,13 @@ import { strings } from "../strings";
 import { button } from "./parts";
 
 export function covers(state: State): Child {
-  return [count(state), offered(state), made(state), asked(state), help(state)];
+  return [count(state), made(state), asked(state), help(state)];
 }
 
 function count({ count: left }: State): Child {
   if (left === null) return null;
   const words = left === 0 ? strings.film.action : String(left);
   return h("div", { class: "count", role: "status", key: "count" }, left === 0 && h("span", { class: "clapper", "aria-hidden": "true" }), h("span", { key: words }, words));
-}
-
-/** The code of a kiosk's last visitor, with the video. */
-function offered({ server }: State): Child {
-  const { kiosk: words } = strings;
-  const clip = server?.clips.at(-1);
-  if (clip === undefined) return null;
-  if (clip.minutes === null) return h("aside", { class: "offer", role: "status", key: "offer" }, h("p", {}, words.making));
-  return h(
-    "aside",
-    { class: "offer", role: "status", key: clip.code },
-    h("video", { src: `/clips/${clip.code}`, autoplay: true, loop: true, muted: true, playsinline: true }),
-    h("p", {}, words.open(location.host)),
-    h("strong", {}, clip.code),
-    h("p", { class: "small" }, words.minutes(clip.minutes)),
-  );
 }
 
 function made({ made: film }: State): Child {

@@ -139,14 +139,15 @@ export class Figure {
   }
 
   /** Stand on the floor where a row of the scene says, and as tall. */
-  stand({ position = [0, 0], turn = 0, height = null }: Partial<FilmCharacter>): void {
+  stand({ position, turn = 0, height = null }: Partial<FilmCharacter>): void {
+    const [x, z] = position ?? [0, 0];
     const extent = this.upwards();
     if (this.scene === null || extent === null) return;
     const [low, high] = extent;
     const scale = height === null ? this.scene.description.metres_a_unit : height / Math.max(high - low, 1e-12);
     this.group.quaternion.setFromAxisAngle(new Vector3(0, 1, 0), (turn * Math.PI) / 180).multiply(this.upright);
     this.group.scale.setScalar(scale);
-    this.group.position.set(position[0], -low * scale, position[1]);
+    this.group.position.set(x, -low * scale, z);
     this.group.updateMatrixWorld();
   }
 

@@ -68,15 +68,18 @@ export class Stage {
   constructor(
     private readonly parent: HTMLElement,
     canvas: HTMLCanvasElement,
-    private readonly changed: () => void,
+    private readonly changed: () => void = () => undefined,
+    /** Whether the characters stand on a transparent ground without a grid. */
+    bare = false,
   ) {
-    this.renderer = new WebGLRenderer({ canvas, antialias: !isSoftware() });
+    this.renderer = new WebGLRenderer({ canvas, alpha: bare, antialias: !isSoftware() });
     this.renderer.setPixelRatio(this.ratio);
     const sun = new DirectionalLight(0xffffff, 2.2);
     sun.position.set(2, 4, 3);
     const rim = new DirectionalLight(0xffffff, 0.8);
     rim.position.set(-3, 2, -3);
-    this.scene.add(new AmbientLight(0xffffff, 0.5), new HemisphereLight(0xffffff, 0x8890a0, 0.9), sun, rim, this.grid);
+    this.scene.add(new AmbientLight(0xffffff, 0.5), new HemisphereLight(0xffffff, 0x8890a0, 0.9), sun, rim);
+    if (!bare) this.scene.add(this.grid);
   }
 
   get width(): number {

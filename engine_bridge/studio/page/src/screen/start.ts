@@ -1,0 +1,80 @@
+/** A screen without an interface: the visitors' at `/kiosk`, and the characters alone at `/stage`. */
+
+import { Client } from "../../../../../integrations/web/puppetline.js";
+import { address } from "../connection";
+import { draw } from "../dom";
+import type { ScreenSettings, ServiceReport } from "../messages";
+import { Characters } from "./characters";
+import { fetched, screenKey } from "./key";
+import { kiosk } from "./kiosk";
+import { type Seen, newest, noticed, phaseOf } from "./phase";
+
+/** Interval at which the settings are fetched and the words are drawn, in milliseconds. */
+const SETTINGS_MS = 2000;
+const WORDS_MS = 250;
+
+const query = new URLSearchParams(location.search);
+const isKiosk = location.pathname === "/kiosk";
+const key = screenKey();
+
+const place = document.createElement("div");
+place.className = "characters";
+const over = document.createElement("div");
+over.className = "over";
+document.body.className = isKiosk ? "kiosk" : query.has("transparent") ? "stage transparent" : "stage";
+document.body.append(place, over);
+
+const client = new Client(address("/stream"), { token: key });
+const characters = new Characters(place, client, key, query.get("character"), isKiosk);
+
+let settings: ScreenSettings | null = null;
+let report: ServiceReport | null = null;
+let seen: Seen | null = null;
+let recordedSince: number | null = null;
+let problem = "";
+
+client.subscribe("service/status", ({ body }) => {
+  const fresh = body as unknown as ServiceReport;
+  seen = noticed(fresh, report, seen, performance.now());
+  report = fresh;
+  show();
+});
+
+/** The server may have restarted with another page, and the network or the materials may have changed. */
+async function refresh(): Promise<void> {
+  try {
+    const fresh = (await (await fetched("/screen", key)).json()) as ScreenSettings;
+    if (settings !== null && settings.run !== fresh.run) location.reload();
+    [settings, problem] = [fresh, ""];
+    characters.dress(fresh.models);
+    client.retry();
+  } catch (error) {
+    problem = error instanceof Error && error.message.endsWith("401") ? "401" : "offline";
+  }
+}
+
+function show(): void {
+  const now = performance.now();
+  const screen = settings?.kiosk ?? null;
+  if (!isKiosk || screen === null) {
+    draw(over, [problem === "401" && isKiosk && "This screen's key is not valid any more. Open the address that the terminal shows."]);
+    return;
+  }
+  const { style } = document.documentElement;
+  for (const name of ["background", "color", "accent"] as const) style.setProperty(`--${name}`, screen[name]);
+  const connected = client.state === "connected" && problem === "";
+  const phase = report === null ? { kind: "attract" as const } : phaseOf(report, seen, now);
+  document.body.dataset.phase = phase.kind;
+  recordedSince = phase.kind === "recording" ? (recordedSince ?? now) : null;
+  const recorded = recordedSince === null ? 0 : (now - recordedSince) / 1000;
+  const making = report?.clips.some(({ seconds_left }) => seconds_left === null) ?? false;
+  draw(over, kiosk(screen, { phase, film: report === null ? null : newest(report), making, recorded, connected }));
+}
+
+/** What tests and measurements read. */
+Object.assign(window, { screenShows: { characters, report: () => report, state: () => client.state } });
+
+setInterval(show, WORDS_MS);
+setInterval(() => void refresh(), SETTINGS_MS);
+void refresh();
+show();

@@ -1,0 +1,1 @@
+"""What screens and phones of visitors get: characters, branding, films and their addresses."""

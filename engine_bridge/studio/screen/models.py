@@ -1,0 +1,63 @@
+"""Files with the materials of a service's characters, which a process of low priority makes beside the page."""
+
+import asyncio
+import contextlib
+import logging
+import os
+import sys
+from pathlib import Path
+
+from puppetline.child_process import bound_to_parent
+
+LOW_PRIORITY = 10
+"""Niceness of the process."""
+
+log = logging.getLogger(__name__)
+
+
+class Models:
+    """Models of characters; a screen draws with plain materials until they are made.
+
+    Parameters
+    ----------
+    puppets : dict of str to Path
+        Puppet files of characters by their names.
+    folder : Path
+        Folder for the models.
+
+    Attributes
+    ----------
+    made : dict of str to Path
+        The models that there are, by the names of the characters.
+    """
+
+    def __init__(self, puppets: dict[str, Path], folder: Path) -> None:
+        self._puppets, self._folder = puppets, folder
+        self.made: dict[str, Path] = {}
+        self._maker = asyncio.create_task(self._make())
+
+    async def close(self) -> None:
+        """End the process."""
+        self._maker.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await self._maker
+
+    async def _make(self) -> None:
+        for name, puppet in self._puppets.items():
+            path = self._folder / f"{name}.glb"
+            command = ["-P", "-m", "puppetline", "shader-mesh", str(puppet), "-o", str(path)]
+            process = await asyncio.create_subprocess_exec(
+                sys.executable,
+                *command,
+                stdout=asyncio.subprocess.DEVNULL,
+                stderr=asyncio.subprocess.PIPE,
+                **bound_to_parent(),
+            )
+            if sys.platform != "win32":
+                os.setpriority(os.PRIO_PROCESS, process.pid, LOW_PRIORITY)
+            assert process.stderr is not None  # noqa: S101 - a pipe was asked for
+            told = await process.stderr.read()
+            if await process.wait():
+                log.warning("%s is drawn without its materials: %s", name, told.decode(errors="replace").strip()[-500:])
+            else:
+                self.made[name] = path

@@ -1,0 +1,103 @@
+"""The paths of screens: the pages ``/kiosk`` and ``/stage``, and what they load (docs/kiosk.md)."""
+
+import io
+import secrets
+from collections.abc import Callable
+from pathlib import Path
+
+import segno
+from aiohttp import web
+
+from engine_bridge.service.kiosk.clip import CODE
+from engine_bridge.studio.messages.screen import KioskScreen, ScreenSettings
+from engine_bridge.studio.screen.kiosk import VisitorsKiosk
+from engine_bridge.studio.web.film_routes import add_films, sent
+
+MARGIN = 4
+"""Width of the white margin of a QR code in modules, which readers need (ISO/IEC 18004)."""
+
+
+class ScreenRoutes:
+    """The handlers of screens.
+
+    Parameters
+    ----------
+    page : Path or None
+        The page, if it is built.
+    authorize : callable
+        Raises an error for a request without the screen's key or a session.
+    models : callable
+        Returns the models of characters by their names.
+    kiosk : VisitorsKiosk or None
+    """
+
+    def __init__(
+        self,
+        page: Path | None,
+        authorize: Callable[[web.Request], None],
+        models: Callable[[], dict[str, Path]],
+        kiosk: VisitorsKiosk | None,
+    ) -> None:
+        self._page, self._authorize, self._models, self._kiosk = page, authorize, models, kiosk
+        self._run = secrets.token_hex(8)
+
+    def add_to(self, router: web.UrlDispatcher) -> None:
+        """Add the paths."""
+        router.add_get("/stage", self.page)
+        router.add_get("/screen", self.settings)
+        router.add_get("/screen/models/{name}.glb", self.model)
+        if self._kiosk is not None:
+            router.add_get("/kiosk", self.page)
+            router.add_get("/screen/files/{name}", self.file)
+            router.add_get(f"/screen/codes/{{code:{CODE}}}.svg", self.qr_code)
+            add_films(router, self._kiosk)
+
+    async def page(self, _: web.Request) -> web.StreamResponse:
+        """Send the page, which has no secret."""
+        return sent(self._page)
+
+    async def settings(self, request: web.Request) -> web.StreamResponse:
+        """Send `ScreenSettings`."""
+        self._authorize(request)
+        settings = ScreenSettings(run=self._run, models=list(self._models()), kiosk=_shown(self._kiosk))
+        return web.json_response(settings.model_dump(mode="json"))
+
+    async def model(self, request: web.Request) -> web.StreamResponse:
+        """Send the file of a character's materials."""
+        self._authorize(request)
+        return sent(self._models().get(request.match_info["name"]))
+
+    async def file(self, request: web.Request) -> web.StreamResponse:
+        """Send the logo or the film, which everybody may see."""
+        return sent(_of(self._kiosk).branding.get(request.match_info["name"]))
+
+    async def qr_code(self, request: web.Request) -> web.StreamResponse:
+        """Send the QR code of a film's address."""
+        phones = _of(self._kiosk).phone_address
+        if phones is None:
+            raise web.HTTPNotFound
+        image = io.BytesIO()
+        segno.make(f"{phones}/{request.match_info['code']}", error="m", micro=False).save(
+            image, kind="svg", border=MARGIN, light="white"
+        )
+        return web.Response(body=image.getvalue(), content_type="image/svg+xml")
+
+
+def _of(kiosk: VisitorsKiosk | None) -> VisitorsKiosk:
+    assert kiosk is not None  # noqa: S101 - these paths exist with a kiosk only
+    return kiosk
+
+
+def _shown(kiosk: VisitorsKiosk | None) -> KioskScreen | None:
+    if kiosk is None:
+        return None
+    table, screen = kiosk.table, kiosk.table.screen
+    return KioskScreen(
+        title=screen.title or "",
+        files=[kind for kind, path in kiosk.branding.items() if path.is_file()],
+        languages=list(screen.languages),
+        texts={language: each.model_dump(exclude_none=True) for language, each in screen.texts.items()},
+        phones=kiosk.phone_address,
+        **screen.model_dump(include={"background", "color", "accent"}),
+        **table.model_dump(include={"minutes", "longest"}),
+    )

@@ -1,0 +1,114 @@
+"""Kiosks with a small character, on the clock that a test is given."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import pytest
+
+from capture.skeleton import JOINT_INDEX
+from engine_bridge.service.background_jobs import Jobs
+from engine_bridge.service.kiosk.clip import FOLDER
+from engine_bridge.service.kiosk.kiosk import Kiosk
+from engine_bridge.service.kiosk.kiosk_table import KioskTable
+
+from ..in_process import AtOnce
+from ..takes.conftest import make_theatre
+
+__all__ = ["make_theatre"]
+
+
+def signalling(frames, *raised):
+    """Return frames of a performer whose hands are up between pairs of seconds."""
+    for frame in frames:
+        positions = frame.positions.copy()
+        if any(begin <= frame.time < end for begin, end in raised):
+            for joint in ("wrist_left", "hand_left", "wrist_right", "hand_right"):
+                positions[JOINT_INDEX[joint]] = positions[JOINT_INDEX["head"]] + [0.2, 0.3, 0]
+        yield replace(frame, positions=positions)
+
+
+@pytest.fixture
+def visitors(tmp_path):
+    """Return the folder of visitors' files."""
+    folder = tmp_path / "takes" / FOLDER
+    folder.mkdir(parents=True)
+    return folder
+
+
+@pytest.fixture
+def films(monkeypatch):
+    """Make films at once; return the scene files, and the exit codes of the next processes."""
+    made, codes = [], []
+
+    def make(_, clip):
+        made.append(clip.scene)
+        code = codes.pop(0) if codes else 0
+        if not code:
+            clip.film.write_bytes(b"film" * 250)
+        return code
+
+    monkeypatch.setattr(Kiosk, "_make", make)
+    return made, codes
+
+
+class Runner:
+    """A stage with a performer who drives a character, and whose hands are up when a visitor begins and ends."""
+
+    def __init__(self, puppet):
+        character, document = SimpleNamespace(name="dog"), SimpleNamespace(path=puppet)
+        self.stage = SimpleNamespace(
+            name="stage", players=[SimpleNamespace(user=1, character=character, document=document)]
+        )
+        self.recording = None
+
+    def start(self, _, path, seconds):
+        """Begin a take, as the count-in does."""
+        path.write_bytes(b"take")
+        self.recording = path.stem
+
+    def left(self, _):
+        """Return the seconds of the count-in."""
+        return 0
+
+    def stop_recording(self):
+        """End the take."""
+        self.recording = None
+        return SimpleNamespace(close=lambda: None)
+
+
+@pytest.fixture
+def visit(visitors, films, given_clock, tmp_path):
+    """Have visitors come to a kiosk, each of whom records ten seconds."""
+    jobs, runner = Jobs(lambda *_: AtOnce()), Runner(tmp_path / "dog.toml")
+
+    def finish():
+        while finished := jobs.take_finished():
+            for future, then in finished:
+                then(future)
+
+    def come(count, every=60.0, kiosk=None):
+        kiosk = kiosk or Kiosk(KioskTable(count_in=0), tmp_path / "takes", runner, lambda *_: None, jobs)
+        for _ in range(count):
+            for seconds in (10.0, every):
+                kiosk._asked.add(runner)
+                kiosk.advance([runner])
+                finish()
+                given_clock.advance(seconds)
+        return kiosk
+
+    yield come
+    jobs.close()
+
+
+@pytest.fixture
+def open_kiosk(make_theatre, record_events, kung_fu, tmp_path):
+    """Open a kiosk whose visitor, raises both hands from second 2 to 5 and from 8 to 11."""
+
+    def open_it():
+        log = tmp_path / "performer.log"
+        if not log.exists():
+            still = [replace(kung_fu[0], time=kung_fu[0].time + k / 30) for k in range(14 * 30)]
+            record_events(log, list(signalling(still, (2, 5), (8, 11))))
+        return make_theatre(("dog",), "replay:performer.log", tables="[kiosk]\ncount_in = 1\nminutes = 1.0")
+
+    return open_it

@@ -1,0 +1,132 @@
+"""Visitors record themselves by a gesture; nothing of it is kept, and nothing of it is lost before its time."""
+
+import math
+import os
+import shutil
+import tomllib
+from types import SimpleNamespace
+
+import psutil
+import pytest
+
+from engine_bridge.film.scene import Scene
+from engine_bridge.service.kiosk.kiosk import LEAST_FREE_BYTES, MAX_ATTEMPTS
+from engine_bridge.service.stages.stage import StageSettings
+from puppetline import clock, toml_schema
+from puppetline.errors import ServiceError
+
+
+def crash(theatre):
+    """End a service without the cleaning up of its kiosk."""
+    theatre.service.kiosk.close = lambda: None
+    theatre.service._resources.pop_all()
+    for runner in theatre.service.runners:
+        runner.close()
+
+
+def test_hands_up_begin_and_end_a_recording_and_the_film_is_offered_and_deleted(open_kiosk, visitors, films):
+    (visitors / "ABCDE.gif").touch()  # of no clip
+    made, _ = films
+    theatre = open_kiosk()
+    kiosk = theatre.service.kiosk
+    assert list(visitors.iterdir()) == []
+    theatre.run(3.9)
+    assert theatre.runner.recording is None
+    theatre.run(1.5)
+    code = theatre.runner.recording
+    assert len(code) == 6
+    assert kiosk.clips == []
+    theatre.run(5.0)
+    assert theatre.runner.recording is None
+    [scene] = made
+    assert scene == visitors / f"{code}.toml"
+    filmed = toml_schema.check(Scene, tomllib.loads(scene.read_text()), "", ServiceError)
+    assert [(each.character, each.file, each.user) for each in filmed.take] == [("dog", f"{code}.log", 1)]
+    [clip] = kiosk.clips
+    assert (clip.code, 50 < clip.seconds_left <= 60) == (code, True)
+    assert theatre.ask("describe")["status"]["clips"] == [{"code": code, "seconds_left": clip.seconds_left}]
+    assert theatre.of("dog")[-1].state == "performing"  # in the take
+    assert (visitors / f"{code}.mp4").exists()
+    theatre.run(60.0)
+    assert kiosk.clips == []
+    assert list(visitors.iterdir()) == []
+
+
+def test_the_next_service_offers_a_crashed_one_s_film_for_the_rest_of_its_time(
+    open_kiosk, visitors, films, given_clock
+):
+    theatre = open_kiosk()
+    theatre.run(10.5)
+    [clip] = theatre.service.kiosk.clips
+    film = visitors / f"{clip.code}.mp4"
+    os.utime(film, (clock.wall(), clock.wall()))
+    theatre.run(20.0)
+    crash(theatre)
+    kiosk = open_kiosk().service.kiosk
+    assert [(each.code, each.seconds_left) for each in kiosk.clips] == [(clip.code, 40)]
+    assert len(films[0]) == 1
+
+
+@pytest.mark.parametrize("seconds", [4.6, 7.0])
+def test_the_next_service_makes_the_film_of_a_recording_that_a_crash_ended(open_kiosk, visitors, films, seconds):
+    """The service crashes during the count, in which case nothing is left, or during the recording."""
+    theatre = open_kiosk()
+    theatre.run(seconds)
+    code = theatre.runner.recording
+    crash(theatre)
+    kiosk = open_kiosk().service.kiosk
+    assert films[0] == ([] if code is None else [visitors / f"{code}.toml"])
+    assert [each.code for each in kiosk.clips] == ([] if code is None else [code])
+    assert {path.stem for path in visitors.iterdir()} == ({code} - {None})
+
+
+@pytest.mark.parametrize(("codes", "offered"), [([-9, -9], True), ([-9] * MAX_ATTEMPTS, False), ([1], False)])
+def test_a_film_whose_process_is_killed_is_begun_again(visit, films, visitors, codes, offered):
+    made, ends = films
+    ends.extend(codes)
+    kiosk = visit(1)
+    assert len(made) == len(codes) + offered
+    assert len(kiosk.clips) == offered
+    assert bool(list(visitors.iterdir())) == offered
+
+
+def test_the_oldest_film_goes_first_if_the_disk_is_full(visit, visitors, films, monkeypatch, caplog):
+    """Room is for three films; the fourth is made as well, and makes room for itself."""
+
+    def usage(folder):
+        return SimpleNamespace(free=LEAST_FREE_BYTES - (len(list(folder.glob("*.mp4"))) >= 3))
+
+    monkeypatch.setattr(shutil, "disk_usage", usage)
+    kiosk = visit(8, every=1.0)
+    made = [path.stem for path in films[0]]
+    kept = [each.code for each in kiosk.clips]
+    assert kept == made[-3:]
+    assert {path.stem for path in visitors.iterdir()} == set(kept)
+    gone = [record.fields["code"] for record in caplog.records if "the disk is full" in record.message]
+    assert gone == made[:-3]
+
+
+def test_a_week_of_visitors_leaves_nothing_behind(visit, visitors, films, given_clock):
+    """Of 500 visitors, one every twenty minutes, the last one's film is there; an hour later it is not."""
+    process = psutil.Process()
+    kiosk = visit(20, every=1200.0)
+    files, memory = process.num_fds(), process.memory_info().rss
+    visit(500, every=1200.0, kiosk=kiosk)
+    assert len(films[0]) == 520
+    assert [each.code for each in kiosk.clips] == [films[0][-1].stem]
+    assert len(list(visitors.iterdir())) == 3
+    assert process.num_fds() == files
+    assert process.memory_info().rss < memory + 5e6
+    given_clock.advance(3600.0)
+    kiosk.advance([])
+    assert list(visitors.iterdir()) == []
+    assert kiosk.due() == math.inf
+
+
+def test_who_steps_back_ends_the_turn_and_comes_nearer_to_begin_another(make_stage, kung_fu, moved):
+    stage = make_stage(settings=StageSettings(beyond=float(kung_fu[0].positions[0, 2]) + 1.0))
+    driving = []
+    for k, back in enumerate([0.0] * 20 + [1.1] * 30 + [0.8] * 20 + [0.6] * 20):
+        stage.step(moved(kung_fu[0], time=k / 30, by=(0.0, 0.0, back)), clock.now_ns())
+        driving.append(stage.players[0].user)
+    assert (driving[19], driving[49], driving[69], driving[89]) == (1, None, None, 1)

@@ -1,0 +1,131 @@
+"""The page with a visitor's film."""
+
+import asyncio
+import socket
+import xml.etree.ElementTree as ElementTree
+
+import pytest
+import segno
+from aiohttp import web
+from aiohttp.test_utils import TestClient, TestServer
+
+from engine_bridge.service.kiosk.kiosk_table import KioskTable
+from engine_bridge.studio.screen.kiosk import VisitorsKiosk
+from engine_bridge.studio.web.phone_app import make_phone_app, serve_phones
+from engine_bridge.studio.web.screen_routes import MARGIN, ScreenRoutes
+
+from ...service.conftest import free_port
+
+__all__ = ["free_port"]
+
+CODE = "K7M2QX"
+
+
+@pytest.fixture
+def kiosk(tmp_path):
+    """A kiosk with one film, and the take of another visitor."""
+    for name in (f"{CODE}.mp4", f"{CODE}.jpg", f"{CODE}.gif", f"{CODE}.log", "ABCDEF.log"):
+        (tmp_path / name).write_bytes(name.encode())
+    return VisitorsKiosk(KioskTable(phone_address="https://films.example"), tmp_path, tmp_path, {})
+
+
+def replies(app, *paths):
+    """Return status, headers and text of each reply, without following redirections."""
+
+    async def fetch():
+        async with TestClient(TestServer(app)) as client:
+            got = []
+            for path in paths:
+                async with client.get(path, allow_redirects=False) as reply:
+                    got.append((reply.status, reply.headers, await reply.text()))
+            return got
+
+    return asyncio.run(fetch())
+
+
+def test_the_page_of_a_code_plays_and_saves_its_film_and_nothing_else_can_be_reached(kiosk):
+    known, unknown, form, typed, wrong, film, *others = replies(
+        make_phone_app(kiosk),
+        *(f"/{CODE}", "/ABCDEF", "/", "/?code=k7m%202qx", "/?code=%22%3E%3Cb%3E", f"/{CODE}.mp4"),
+        *(f"/{CODE}.log", "/kiosk", "/screen", "/api", "/files/x", "/..%2fkiosk.toml"),
+    )
+    assert (known[0], unknown[0], form[0], typed[0], wrong[0]) == (200, 404, 200, 303, 200)
+    for part in (
+        f'<video src="/{CODE}.mp4" poster="/{CODE}.jpg"',
+        f'href="/{CODE}.mp4?save"',
+        f'href="/{CODE}.gif?save"',
+    ):
+        assert part in known[2]
+    assert typed[1]["Location"] == f"/{CODE}"
+    assert "<input" in form[2]
+    assert "alert" not in form[2]
+    assert "<input" in unknown[2]
+    assert all("alert" in each[2] for each in (unknown, wrong))
+    assert "<b>" not in wrong[2]
+    assert (film[0], film[2], film[1]["Content-Type"]) == (200, f"{CODE}.mp4", "video/mp4")
+    assert {status for status, _, _ in others} == {404}
+    assert all(
+        headers["Content-Security-Policy"].startswith("default-src 'self'") for _, headers, _ in (known, *others)
+    )
+
+
+def test_the_qr_code_is_that_of_the_page_s_address(kiosk):
+    app = web.Application()
+    ScreenRoutes(None, lambda _: None, dict, kiosk).add_to(app.router)
+    ((status, headers, svg),) = replies(app, f"/screen/codes/{CODE}.svg")
+    assert (status, headers["Content-Type"]) == (200, "image/svg+xml")
+    code = segno.make(f"https://films.example/{CODE}", error="m", micro=False)
+    root = ElementTree.fromstring(svg)
+    assert int(root.attrib["width"]) == code.symbol_size(border=MARGIN)[0]
+    drawn = root.findall("{http://www.w3.org/2000/svg}path")[-1].attrib["d"]
+    assert dark_modules(drawn) == {
+        (row + MARGIN, column + MARGIN)
+        for row, line in enumerate(code.matrix)
+        for column, dark in enumerate(line)
+        if dark
+    }
+
+
+def dark_modules(path):
+    """Return rows and columns of the modules that a path of horizontal lines through their middles covers."""
+    found, x, y = set(), 0.0, 0.0
+    for command, *numbers in (part.replace(",", " ").split() for part in split(path)):
+        values = [float(number) for number in numbers]
+        if command in "Mm":
+            x, y = (values[0], values[1]) if command == "M" else (x + values[0], y + values[1])
+        else:
+            found |= {(int(y), int(x) + k) for k in range(int(values[0]))}
+            x += values[0]
+    return found
+
+
+def split(path):
+    """Yield each command of a path with its numbers, separated by spaces."""
+    part = ""
+    for letter in path:
+        if letter.isalpha() and part:
+            yield part
+            part = ""
+        part += f"{letter} " if letter.isalpha() else letter
+    yield part
+
+
+def test_a_port_that_is_in_use_is_tried_again(kiosk, free_port, monkeypatch):
+    monkeypatch.setattr("engine_bridge.studio.web.phone_app.RETRY_SECONDS", 0.01)
+    port = free_port()
+    own = VisitorsKiosk(KioskTable(phone_port=port), kiosk.folder, kiosk.visitors, {})
+
+    async def run():
+        with socket.create_server(("", port)):
+            serving = asyncio.create_task(serve_phones(own))
+            await asyncio.sleep(0.05)
+        while True:
+            try:
+                _, writer = await asyncio.open_connection("127.0.0.1", port)
+                break
+            except OSError:
+                await asyncio.sleep(0.01)
+        writer.close()
+        serving.cancel()
+
+    asyncio.run(asyncio.wait_for(run(), 60))

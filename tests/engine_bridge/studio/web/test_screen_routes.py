@@ -1,0 +1,85 @@
+"""What a screen gets with its key, and what everybody gets."""
+
+import json
+
+import aiohttp
+import pytest
+
+CODE = "K7M2QX"
+
+
+@pytest.fixture
+def key(studio):
+    """Return the header with the key of the studio's screen."""
+    return {"Authorization": f"Bearer {studio.served.screen.partition('#key=')[2]}"}
+
+
+def settings(studio, headers):
+    status, _, body = studio.http("GET", "/screen", headers=headers)
+    return status, json.loads(body)
+
+
+def test_a_screen_gets_its_settings_with_its_key_or_a_session(studio, key):
+    assert "/kiosk#key=" in studio.served.screen
+    for headers in (key, studio.bearer):
+        status, got = settings(studio, headers)
+        assert (status, got["models"]) == (200, [])
+        assert got["kiosk"] == {
+            "title": "Museum",
+            "files": ["logo"],
+            "background": "#131a2b",
+            "color": "#ffffff",
+            "accent": "#ffb020",
+            "languages": ["de", "en"],
+            "texts": {"de": {"film": "Dein Film!"}},
+            "minutes": 5.0,
+            "longest": 60.0,
+            "phones": None,
+        }
+    for path in ("/kiosk", "/stage"):
+        assert studio.http("GET", path)[::2] == (200, b"<!doctype html><title>Screen</title>")
+    assert studio.http("GET", "/screen/files/logo")[::2] == (200, b"<svg/>")
+    for path in ("film", "kiosk.toml", "..%2fkiosk.toml"):
+        assert studio.http("GET", f"/screen/files/{path}")[0] == 404
+
+
+def test_the_key_opens_nothing_else_and_ends_when_its_file_is_gone(studio, key):
+    token = key["Authorization"].removeprefix("Bearer ")
+    for method, path in (("POST", "/uploads?name=a"), ("GET", "/files/x")):
+        assert studio.http(method, path, headers=key)[0] == 401
+
+    def closed_with(path, token):
+        async def connect():
+            async with aiohttp.ClientSession() as http, http.ws_connect(studio.address + path) as socket:
+                await socket.send_json({"token": token})
+                return (await socket.receive()).data
+
+        return studio.run(connect())
+
+    assert closed_with("/api", token) == 4401
+    assert closed_with("/stream", token) == 4503  # the service does not run
+    assert closed_with("/stream", "another") == 4401
+    file = studio.settings.screen_key
+    kept = file.rename(file.with_name("kept"))
+    try:
+        assert settings(studio, key)[0] == 401
+        assert closed_with("/stream", token) == 4401
+    finally:
+        kept.rename(file)
+    assert settings(studio, key)[0] == 200
+
+
+def test_a_film_is_for_whoever_knows_its_code(studio):
+    visitors = studio.settings.kiosk.parent / "takes" / "visitors"
+    visitors.mkdir(parents=True)
+    for ending in (".mp4", ".jpg", ".gif"):
+        (visitors / f"{CODE}{ending}").write_bytes(ending.encode())
+    for ending in (".mp4", ".jpg", ".gif"):
+        status, headers, body = studio.http("GET", f"/{CODE}{ending}")
+        assert (status, body, headers.get("Content-Disposition")) == (200, ending.encode(), None)
+    saved = studio.http("GET", f"/{CODE}.mp4?save")[1]
+    assert saved["Content-Disposition"] == f"attachment; filename=film-{CODE}.mp4"
+    for path in (f"/{CODE}.log", f"/{CODE}.toml", f"/{CODE.lower()}.mp4", "/ABCDEF.mp4", f"/..%2f{CODE}.mp4"):
+        assert studio.http("GET", path)[0] == 404
+    (visitors / f"{CODE}.mp4").unlink()  # it is not complete
+    assert studio.http("GET", f"/{CODE}.jpg")[0] == 404

@@ -41,7 +41,7 @@ const LEAST_RATIO = 0.6;
 
 /** Half of the height of the view, and of a portrait, in sizes of what it shows. */
 const ROOM = 0.62;
-const PORTRAIT_ROOM = 0.5;
+const PORTRAIT_ROOM = 0.58;
 
 /** Directions from which the camera looks at one character, and at all. */
 export const SIDE = new Vector3(0.45, 0.18, 1);

@@ -251,7 +251,7 @@ export class Viewer {
     this.callbacks.arrived();
   }
 
-  /** Let characters stand as the film's scene says, and return whether that has changed; those that it does not have stand side by side. */
+  /** Let characters stand as the film's scene says, and return whether that has changed; those without a place there stand side by side. */
   private arrange({ film, draft, face }: State): boolean {
     const { scene } = film.present;
     const standing = JSON.stringify([face, scene.character, draft, [...this.figures.keys()]]);
@@ -263,7 +263,7 @@ export class Viewer {
       const row = rowOf(scene, name);
       figure.stand({ ...row, ...(draft?.name === name ? draft : {}) });
       figure.tint(face === "film" ? (row?.color ?? null) : null);
-      if (row !== undefined) continue;
+      if (row?.position != null) continue;
       const { min, max } = figure.box();
       if (right !== null) figure.group.position.x = right + 0.15 * (max.x - min.x) - min.x;
       right = figure.box().max.x;

@@ -13,7 +13,7 @@ from engine_bridge.film.typeface import typeface
 LETTERS_PER_LINE = 18
 """Number of letters after which a line of a bubble ends, if a word does."""
 
-PADDING, DISTANCE, MARGIN = 0.7, 0.9, 0.4
+PADDING, DISTANCE, MARGIN = 0.7, 1.2, 0.4
 """Space around the text, between a bubble and a head, and at the picture's edges, in letter heights."""
 
 PAPER, INK = (255, 255, 255, 245), (28, 30, 38, 255)
@@ -58,7 +58,7 @@ class Bubble:
         return fading(time, self.table.at, self.table.seconds, FADE_SECONDS)
 
     def draw(
-        self, head: NDArray[np.float64], body: NDArray[np.float64]
+        self, head: NDArray[np.float64], body: NDArray[np.float64], usual: NDArray[np.float64]
     ) -> tuple[NDArray[np.uint8], tuple[float, float, float, float]]:
         """Draw it beside a head, or below a body.
 
@@ -66,6 +66,8 @@ class Bubble:
         ----------
         head, body : (2, 2) float64
             Upper left and lower right corner in the picture, in pixels.
+        usual : (2, 2) float64
+            Mean of `head` in the shot, which decides the side, so that the bubble does not jump.
 
         Returns
         -------
@@ -73,7 +75,7 @@ class Bubble:
         place : tuple of 4 floats
             Left, upper, right and lower edge, as shares of the picture.
         """
-        middle = self._middle(head, body)
+        middle = self._middle(head, body, usual)
         towards = np.clip(middle, head[0], head[1])  # the nearest point of the head
         tip = middle + (towards - middle) * 0.96
         corners = [middle - self._half, middle + self._half]
@@ -130,15 +132,17 @@ class Bubble:
             x, y = edge + share * (tip - edge)
             _disc(pen, x, y, size * letter + width, color)
 
-    def _middle(self, head: NDArray[np.float64], body: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _middle(
+        self, head: NDArray[np.float64], body: NDArray[np.float64], usual: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         """Return the middle of the bubble: above the head, else beside it where there is more room; in the picture."""
         gap, room = DISTANCE * self._letter, self._half + MARGIN * self._letter
         center = head.mean(axis=0)
         if self.table.kind == "name":
             middle = np.array([body[:, 0].mean(), body[1, 1] + self._half[1]])
-        elif head[0, 1] - gap - self._half[1] >= room[1]:
+        elif usual[0, 1] - gap - self._half[1] >= room[1]:
             middle = np.array([center[0], head[0, 1] - gap - self._half[1]])
-        elif center[0] < self._size[0] / 2:
+        elif usual[:, 0].mean() < self._size[0] / 2:
             middle = np.array([head[1, 0] + gap + self._half[0], center[1] - gap])
         else:
             middle = np.array([head[0, 0] - gap - self._half[0], center[1] - gap])

@@ -18,16 +18,15 @@ from engine_bridge.film import overlays
 from engine_bridge.film.actor import Actor
 from engine_bridge.film.av_library import require_av
 from engine_bridge.film.bubbles import Bubble
-from engine_bridge.film.framing import Shots, rectangle
+from engine_bridge.film.framing import Shots, View, rectangle
 from engine_bridge.film.moods import MOODS
 from engine_bridge.film.painting import BOTTOM, PERIOD, TOP
 from engine_bridge.film.production import Production, Progress, produce
-from engine_bridge.film.scene import DEFAULT_SET, Scene, SceneError, load
+from engine_bridge.film.scene import DEFAULT_SET, BubbleTable, Scene, SceneError, load
 from engine_bridge.film.sets import SETS, panorama
 from engine_bridge.film.sound import SAMPLE_RATE, Mixer
 from engine_bridge.film.video import FORMATS, VideoWriter
 from engine_bridge.performance.channels import morph_weights
-from engine_bridge.pictures.camera import Camera
 from engine_bridge.pictures.gpu_renderer import SAMPLES, Drawn, GpuRenderer
 from engine_bridge.pictures.gpu_scene import Overlay, Panorama, Surroundings
 from puppetline.errors import at
@@ -229,22 +228,23 @@ class _View:
         self._stage = production.stage(self._extents)
         self._puppets = [_DrawnActor(actor, renderer) for actor in production.actors]
         self._titles: dict[int, moderngl.Texture] = {}
+        self._usual_heads: dict[tuple[int, int], NDArray[np.float64]] = {}
 
     def draw(self, frame: int) -> NDArray[np.uint8]:
         """Return the pixels (h, w, 4) of a frame."""
         for each in self._puppets:
             each.move(frame)
         titles, drawn = list(self._shown_titles(frame)), [each.drawn for each in self._puppets]
-        cameras, brightness = self._shots.cameras(frame), self._brightness(frame)
-        shots = []
-        for camera, _ in cameras:
-            bubbles = list(self._shown_bubbles(frame, camera))
-            shots.append(self._renderer.draw(camera, self._stage, drawn, self._around, [*bubbles, *titles]))
+        views, brightness = self._shots.views(frame), self._brightness(frame)
+        pictures = []
+        for view in views:
+            bubbles = list(self._shown_bubbles(frame, view))
+            pictures.append(self._renderer.draw(view.camera, self._stage, drawn, self._around, [*bubbles, *titles]))
             for bubble in bubbles:
                 bubble.picture.release()
-        if len(shots) == 1 and brightness == 1:
-            return shots[0]
-        mixed = sum(np.float32(share * brightness) * shot for shot, (_, share) in zip(shots, cameras, strict=True))
+        if len(views) == 1 and brightness == 1:
+            return pictures[0]
+        mixed = sum(np.float32(view.share * brightness) * each for each, view in zip(pictures, views, strict=True))
         return np.rint(mixed).astype(np.uint8)
 
     def _brightness(self, frame: int) -> float:
@@ -261,15 +261,35 @@ class _View:
             self.draw(frame) for frame in np.linspace(part.first, part.end - 1, PALETTE_FRAMES).astype(int).tolist()
         ]
 
-    def _shown_bubbles(self, frame: int, camera: Camera) -> Iterator[Overlay]:
-        for bubble in self._bubbles:
-            opacity, extent = bubble.opacity(frame / self._production.fps), self._extents[bubble.table.character]
+    def _shown_bubbles(self, frame: int, view: View) -> Iterator[Overlay]:
+        for number, bubble in enumerate(self._bubbles):
+            opacity, name = bubble.opacity(frame / self._production.fps), bubble.table.character
             if opacity > 0:
-                size = self._renderer.size
-                boxes = (extent.head[frame], extent.whole[frame])
-                head, body = ((rectangle(camera, box, size) / 2 + 0.5) * size for box in boxes)
-                pixels, place = bubble.draw(head, body)
+                if (number, view.shot) not in self._usual_heads:
+                    self._usual_heads[number, view.shot] = self._usual_head(bubble.table, view)
+                extent = self._extents[name]
+                head, body = (self._pixels(view, boxes[frame]) for boxes in (extent.head, extent.whole))
+                if bubble.table.kind == "name" and ((body[1] < 0) | (body[0] > self._renderer.size)).any():
+                    continue  # whoever is out of the picture may be heard, but has no name there
+                pixels, place = bubble.draw(head, body, self._usual_heads[number, view.shot])
                 yield Overlay(self._renderer.picture(pixels), opacity, place)
+
+    def _usual_head(self, table: BubbleTable, seen: View) -> NDArray[np.float64]:
+        """Return the mean rectangle (2, 2) of a head in a shot while a bubble is shown, in pixels."""
+        first, end = (round(at * self._production.fps) for at in (table.at, table.at + table.seconds))
+        heads = self._extents[table.character].head
+        shown = [
+            self._pixels(view, heads[frame])
+            for frame in range(first, min(end + 1, self._production.frames))
+            for view in self._shots.views(frame)
+            if view.shot == seen.shot
+        ]
+        usual: NDArray[np.float64] = np.mean(shown, axis=0)
+        return usual
+
+    def _pixels(self, view: View, box: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the upper left and lower right corner (2, 2) of a box (2, 3) in a view, in pixels."""
+        return (rectangle(view.camera, box, self._renderer.size) / 2 + 0.5) * self._renderer.size
 
     def _shown_titles(self, frame: int) -> Iterator[Overlay]:
         scene, path = self._production.scene, self._production.path

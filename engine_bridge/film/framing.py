@@ -46,6 +46,14 @@ class Extent(NamedTuple):
         return Extent(*(boxes[frames] for boxes in self))
 
 
+class View(NamedTuple):
+    """What is seen of a frame: by which camera, in which shot, from 0 on, and its share during a cross-fade."""
+
+    camera: Camera
+    shot: int
+    share: float
+
+
 class Shots:
     """The cameras of a film.
 
@@ -78,14 +86,13 @@ class Shots:
             for table, part in zip(tables, parts, strict=True)
         ]
 
-    def cameras(self, frame: int) -> list[tuple[Camera, float]]:
-        """Return the camera at a frame, or during a cross-fade both, with their shares."""
+    def views(self, frame: int) -> list[View]:
+        """Return the view of a frame, or during a cross-fade both."""
         number = max(int(np.searchsorted(self._begins, frame, side="right")) - 1, 0)
-        into, fade, camera = frame - self._begins[number], self._fades[number], self._shots[number].camera(frame)
-        if into >= fade:
-            return [(camera, 1.0)]
-        share = float((into + 1) / (fade + 1))
-        return [(self._shots[number - 1].camera(frame), 1 - share), (camera, share)]
+        into, fade = frame - self._begins[number], self._fades[number]
+        share = float(min((into + 1) / (fade + 1), 1.0)) if into < fade else 1.0
+        shares = {number: share} if share == 1 else {number - 1: 1 - share, number: share}
+        return [View(self._shots[shot].camera(frame), shot, share) for shot, share in shares.items()]
 
 
 class _Shot:

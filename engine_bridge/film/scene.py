@@ -285,6 +285,15 @@ class Scene(SetTables):
                 _check_name(shown, names, "camera", index, "show", number)
             if camera.behind is not None:
                 _check_name(camera.behind, names, "camera", index, "behind")
+            if camera.behind in camera.show:
+                raise mistake(
+                    "camera",
+                    index,
+                    "behind",
+                    found=f"{camera.behind!r}, which is shown",
+                    expected="a character that looks at those that are shown",
+                    fix="Remove the name from show, or remove the key behind.",
+                )
         for index, bubble in enumerate(self.bubble):
             _check_name(bubble.character, names, "bubble", index, "character")
         return self

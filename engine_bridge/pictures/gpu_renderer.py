@@ -29,10 +29,10 @@ SAMPLES = 4
 SHADOW_SIZES, SKY_SIZE = (512, 1024, 2048), 128
 """Widths and heights of the depth maps of the key light, of which one is chosen, and of the sky, in texels."""
 
-PENUMBRA_TEXELS = 5
+PENUMBRA_TEXELS = 3
 """Minimum radius in texels of the soft edge of the key light's shadow, if the largest map has it."""
 
-OUTER_SAMPLES, KEY_SAMPLES, SKY_SAMPLES = 5, 10, 8
+OUTER_SAMPLES, KEY_SAMPLES, SKY_SAMPLES = 5, 6, 5
 """Samples of the depth maps per pixel: around it, and inside where these differ."""
 
 PENUMBRA, SKY_PENUMBRA = 0.018, 0.09
@@ -100,6 +100,9 @@ class GpuRenderer:
         self._frame = ctx.framebuffer([ctx.renderbuffer(size, 4)])
         self._behind = ctx.framebuffer([ctx.renderbuffer(size, 4)])
         self._is_behind: tuple[object, ...] = ()
+        self._shadows = ctx.texture((size[0] // 2, size[1] // 2), 4)
+        self._shadows.repeat_x = self._shadows.repeat_y = False
+        self._shade = ctx.framebuffer([self._shadows])
         # only surfaces have edges, so only where they are a pixel has several samples
         self._samples = ctx.texture(size, 4, samples=samples)
         self._target = ctx.framebuffer([self._samples], ctx.depth_renderbuffer(size, samples=samples))
@@ -332,20 +335,29 @@ class GpuRenderer:
         self._quads[self._panorama].render(moderngl.TRIANGLE_STRIP)
 
     def _draw_shadows(self, boxes: NDArray[np.float32], matrix: NDArray[np.float32]) -> None:
-        """Darken the floor in boxes (n, 2, 3) on it."""
+        """Darken the floor in boxes (n, 2, 3) on it, at half the resolution, because shadows are soft."""
         import moderngl
 
         ctx: Any = self.context
+        extent = _extent(boxes, matrix)
+        ctx.enable_only(0)
+        self._shade.use()
+        self._shade.clear(1.0, 1.0, 1.0, 1.0)
+        with self._within(self._shade, extent):
+            self._quads[self._floor_shadow].render(moderngl.TRIANGLE_STRIP)
+        self._frame.use()
         ctx.enable_only(moderngl.BLEND)
         ctx.blend_func = moderngl.ZERO, moderngl.SRC_COLOR
-        with self._within(self._frame, _extent(boxes, matrix)):
-            self._quads[self._floor_shadow].render(moderngl.TRIANGLE_STRIP)
+        with self._within(self._frame, extent):
+            self._show(Overlay(self._shadows))
         ctx.blend_func = moderngl.DEFAULT_BLENDING
 
     @contextmanager
     def _within(self, frame: "moderngl.Framebuffer", extent: NDArray[np.float32]) -> Iterator[None]:
         """Draw between two corners (2, 2) only, in shares of a frame."""
-        low, high = np.clip([np.floor(extent[0] * self.size), np.ceil(extent[1] * self.size)], 0, self.size).astype(int)
+        low, high = np.clip([np.floor(extent[0] * frame.size), np.ceil(extent[1] * frame.size)], 0, frame.size).astype(
+            int
+        )
         scissored: Any = frame
         scissored.scissor = (*low.tolist(), *(high - low).tolist())
         yield

@@ -17,7 +17,7 @@ def test_a_bubble_is_in_the_picture_and_does_not_hide_the_head(kind, x, y):
     bubble = Bubble(BubbleTable(character="a", text="How do you do?", kind=kind), SIZE, "bubble", None)
     head = np.array([[x - 0.03, y - 0.06], [x + 0.03, y + 0.06]]) * SIZE
     body = np.array([[x - 0.1, y - 0.06], [x + 0.1, y + 0.4]]) * SIZE
-    pixels, place = bubble.draw(head, body)
+    pixels, place = bubble.draw(head, body, head)
     left, top, right, bottom = np.array(place) * [*SIZE, *SIZE]
     assert pixels.shape == (round(bottom - top), round(right - left), 4)
     rows, columns = np.nonzero(pixels[..., 3] > 128)
@@ -42,8 +42,6 @@ def test_lines_end_between_words(words):
 
 def test_a_name_needs_no_text():
     table = BubbleTable(character="Rex", kind="name")
-    pixels, _ = Bubble(table, SIZE, "bubble", None).draw(np.zeros((2, 2)) + 100, np.zeros((2, 2)) + 100)
-    same, _ = Bubble(table.model_copy(update={"text": "Rex"}), SIZE, "bubble", None).draw(
-        np.zeros((2, 2)) + 100, np.zeros((2, 2)) + 100
-    )
+    pixels, _ = Bubble(table, SIZE, "bubble", None).draw(*np.full((3, 2, 2), 100.0))
+    same, _ = Bubble(table.model_copy(update={"text": "Rex"}), SIZE, "bubble", None).draw(*np.full((3, 2, 2), 100.0))
     assert (pixels == same).all()

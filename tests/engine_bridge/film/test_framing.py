@@ -50,9 +50,9 @@ def boxes(frames, x):
 
 def camera(shots, frame):
     """Return the only camera of a frame."""
-    ((only, share),) = shots.cameras(frame)
-    assert share == 1
-    return only
+    (only,) = shots.views(frame)
+    assert only.share == 1
+    return only.camera
 
 
 def test_a_camera_that_follows_stays_nearer_and_moves_smoothly():
@@ -83,11 +83,12 @@ def test_cameras_cut_at_their_times_and_show_whom_they_are_for():
 def test_a_cross_fade_mixes_both_cameras():
     both = {"a": boxes(60, lambda k: -3), "b": boxes(60, lambda k: 3)}
     shots = Shots((CameraTable(show=("a",)), CameraTable(at=1.0, show=("b",), fade=0.3)), both, 30, SIZE)
-    shares = [[share for _, share in shots.cameras(frame)] for frame in range(29, 41)]
+    shares = [[view.share for view in shots.views(frame)] for frame in range(29, 41)]
     assert shares == [[1.0], *([1 - k / 10, k / 10] for k in range(1, 10)), [1.0], [1.0]]
-    (before, _), (after, _) = shots.cameras(33)
-    assert (before.eye == camera(shots, 29).eye).all()
-    assert (after.eye == camera(shots, 39).eye).all()
+    before, after = shots.views(33)
+    assert (before.shot, after.shot) == (0, 1)
+    assert (before.camera.eye == camera(shots, 29).eye).all()
+    assert (after.camera.eye == camera(shots, 39).eye).all()
 
 
 def test_without_an_azimuth_nobody_else_stands_in_the_way():
@@ -120,7 +121,7 @@ def outside(production):
             if table.shot == "close":
                 high = placed[:, 1] > placed[:, 1].max() - UPPER_SHARE * actor.footing.height
                 placed = placed[crown | high]
-            shown = in_picture(shots.cameras(frame)[-1][0], placed)
+            shown = in_picture(shots.views(frame)[-1].camera, placed)
             count += ((shown < 0) | (shown > 1)).any(axis=1).sum()
     return count
 

@@ -49,6 +49,7 @@ def test_a_character_and_a_take_are_enough(load):
         (BOTH + '[[bubble]]\ncharacter = "a"', "[[bubble]] 1, text", "nothing"),
         (BOTH + '[[bubble]]\ncharacter = "b"\ntext = "Hi"', "[[bubble]] 1, character", "'b'"),
         (BOTH + '[[camera]]\nbehind = "c"', "[[camera]] 1, behind", "'c'"),
+        (BOTH + '[[camera]]\nbehind = "a"\nshow = ["a"]', "[[camera]] 1, behind", "'a', which is shown"),
         (BOTH + CAMERAS, "[[camera]] 2, at", "1 s after a camera at 2 s"),
         (BOTH + '[[camera]]\nshow = ["c"]', "[[camera]] 1, show, 1", "'c'"),
         (BOTH + "[film]\nfps = 0", "[film], fps", "0"),

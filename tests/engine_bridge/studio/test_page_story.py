@@ -172,9 +172,9 @@ def test_every_frame_shows_the_poses_of_both_takes(studio, film):
         moving = np.linalg.norm(np.diff(places, axis=0), axis=2).max(axis=1)
         fastest = int(moving[10:-10].argmax()) + 10  # between this frame and the next one
         for frame in (10, fastest, len(frames) - 10):
-            ((camera, _),) = shots.cameras(frame)
+            (view,) = shots.views(frame)
             shown = frames[frame][1][:, side] > LEAST_GREY
-            drawn = [silhouette(places[k], triangles, camera)[:, side] for k in (frame, frame + 1)]
+            drawn = [silhouette(places[k], triangles, view.camera)[:, side] for k in (frame, frame + 1)]
             agreement = [(shown & each).sum() / (shown | each).sum() for each in drawn]
             assert agreement[0] > MIN_AGREEMENT
             assert frame != fastest or agreement[0] > agreement[1]

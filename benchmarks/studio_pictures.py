@@ -1,9 +1,9 @@
 """Make images of the studio's page in each of its states, light and dark.
 
-python -m benchmarks.studio_pictures FOLDER [--docs | --examples]
+python -m benchmarks.studio_pictures FOLDER [--docs | --page]
 
-With `--docs`, only the images of docs/images are made. With
-`--examples`, the pictures of the example characters on the first page, in engine_bridge/studio/page/pictures.
+With `--docs`, only the images of docs/images are made. With `--page`, the pictures of the example characters and of the
+film's places that the page shows, in engine_bridge/studio/page/pictures.
 """
 
 import argparse
@@ -12,10 +12,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from PIL import Image
+
 from benchmarks.live_peers import free_tcp_ports
 from benchmarks.own_cache import own_cache
 from benchmarks.studio_page import CAMERA, SIZE, chromium, command, studio, until
 from engine_bridge.character.examples import MOTIONS, prepare
+from engine_bridge.film.sets import SETS, panorama
 from engine_bridge.studio.long_work.take_pictures import draw_take
 
 MOVING = "state.busy.length === 0 && studio.viewer.shown(state.character)?.moment"
@@ -24,6 +27,9 @@ PHONE = {"width": 390, "height": 780}
 
 EXAMPLE_SIZE = 128, 112
 """Width and height of a picture of an example character, in pixels."""
+
+PLACE_SIZE = 960, 360
+"""Width and height of a picture of a place, in pixels."""
 
 Shoot, Save = Callable[[str], None], Callable[[str, bytes], None]
 
@@ -42,7 +48,11 @@ def states(page: Any, mesh: Path, shoot: Shoot) -> None:
     until(page, "state.server.jobs.some((job) => job.state === 'running')")
     shoot("working")
     until(page, f"state.server.characters.length === 1 && {MOVING}")
-    page.wait_for_timeout(3000)  # the smooth motion begins
+    page.wait_for_timeout(3000)  # the smooth motion begins, and the picture is drawn
+    shoot("scene")
+    page.get_by_role("tab", name="Character").click()
+    shoot("character")
+    button("Workshop").click()
     shoot("list")
     page.locator(".panel button.line", has_text="left wing").first.click()
     shoot("part")
@@ -113,7 +123,7 @@ def joined(folder: Path, browser: Any, scheme: str, save: Save) -> None:
 
 
 def documented(folder: Path, browser: Any, save: Save) -> None:
-    """Save the images of the documentation: the example human, one of its arms, takes of it and of the dog, a phone."""
+    """Save the images of the documentation: the example human and dog in the film, takes of them, an arm, a phone."""
     with studio(folder / "human") as addresses:
         page = browser.new_context(viewport=SIZE, color_scheme="light").new_page()
         page.goto(next(addresses))
@@ -121,28 +131,31 @@ def documented(folder: Path, browser: Any, save: Save) -> None:
         def button(name: str) -> Any:
             return page.get_by_role("button", name=name, exact=True)
 
-        def take(number: int) -> None:
+        def take(number: int, during: Callable[[], None]) -> None:
             button("Record").click()
-            until(page, "state.server.recording && !state.count")
+            until(page, "state.server.recording && state.count === null")
             page.wait_for_timeout(5000)
+            during()
             button("Stop recording").click()
             until(page, f"state.server.takes.filter(({{ picture }}) => picture).length === {number}")
 
         button("Human").click()
         until(page, f"state.server?.characters.length === 1 && {MOVING}")
-        take(1)
-        page.get_by_role("tab", name="Limbs").click()
-        page.wait_for_timeout(1000)
-        save("studio", page.screenshot())
-        button("Rest pose").click()
-        page.locator(".panel button.line", has_text="left arm").first.click()
-        page.wait_for_timeout(2000)
-        save("studio_limb", page.screenshot())
-        button("Live").click()
-        page.get_by_label("Character", exact=True).select_option(label="Open another…")
+        button("Add a character…").click()
         button("Dog").click()
         until(page, f"state.server?.characters.length === 2 && state.character === 'dog' && {MOVING}")
-        take(2)
+        until(page, "Object.keys(state.portraits).length === 2")
+        button("Meadow").click()
+        page.get_by_label("What is your film called?").fill("The new dog")
+        page.get_by_label("What is your film called?").press("Enter")
+        page.wait_for_timeout(2000)
+        save("studio", page.screenshot())
+        take(1, lambda: save("studio_record", page.screenshot()))
+        page.locator(".card", has_text="Human").click()
+        take(2, lambda: None)
+        page.get_by_role("tab", name="Character").click()
+        page.wait_for_timeout(1000)
+        save("studio_character", page.screenshot())
         button("Play").click()
         until(page, "state.server.timeline?.takes.length === 2")
         page.wait_for_timeout(2000)
@@ -154,21 +167,37 @@ def documented(folder: Path, browser: Any, save: Save) -> None:
         until(phone, f"state.server?.characters.length === 2 && {MOVING}")
         phone.wait_for_timeout(2000)
         save("studio_phone", phone.screenshot())
+        phone.close()
+        button("Dismiss").click()
+        button("Workshop").click()
+        page.get_by_role("tab", name="Limbs").click()
+        button("Rest pose").click()
+        page.locator(".panel button.line", has_text="left arm").first.click()
+        page.wait_for_timeout(2000)
+        save("studio_limb", page.screenshot())
+
+
+def shown_by_the_page(folder: Path, save: Path) -> None:
+    """Draw the pictures of the example characters and of the film's places."""
+    for character in MOTIONS:
+        log, puppet = prepare(character, folder)
+        draw_take(puppet, log, save / f"{character}.webp", EXAMPLE_SIZE)
+    for name in SETS:
+        painted = Image.fromarray(panorama(name)).convert("RGB").resize(PLACE_SIZE)
+        painted.save(save / f"set_{name}.webp", quality=60, method=6)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--docs", action="store_true", help="make the images of the documentation only")
-    parser.add_argument("--examples", action="store_true", help="make the pictures of the example characters only")
+    parser.add_argument("--page", action="store_true", help="make the pictures that the page shows only")
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as name, own_cache(Path(name)), chromium() as browser:
         folder = Path(name)
-        if options.examples:
-            for character in MOTIONS:
-                log, puppet = prepare(character, folder)
-                draw_take(puppet, log, options.folder / f"{character}.webp", EXAMPLE_SIZE)
+        if options.page:
+            shown_by_the_page(folder, options.folder)
             return
         if options.docs:
             documented(folder, browser, lambda name, image: _write(options.folder / f"{name}.png", image))

@@ -1,7 +1,7 @@
 /** The keys of the whole page. */
 
 import { record, redo, removeSelected, save, undo } from "./actions";
-import { play } from "./film";
+import { closeFilm, play } from "./film";
 import { finishLimb } from "./panels/toolbar";
 import { current, update } from "./store";
 
@@ -24,6 +24,7 @@ export function keys(event: KeyboardEvent): void {
   else if (key === "r" && !command && !(event.target instanceof HTMLSelectElement)) void toggleRecording();
   else if (key === " " && !(event.target instanceof HTMLElement && event.target.matches("input, select, summary, video, :focus-visible:is(button, [role])"))) void play();
   else if (key === "?") update(({ help }) => ({ help: !help }));
+  else if (key === "escape" && current().made !== null) closeFilm();
   else if (key === "escape") update({ help: false, selection: null, joint: null, channel: null, target: null, finding: null, tool: "select", drawn: [], clip: null, drawer: null, asking: null });
   else if (key === "enter" && current().drawn.length >= 2 && event.target === document.activeElement) finishLimb();
   else if (key === "delete" || key === "backspace") removeSelected();

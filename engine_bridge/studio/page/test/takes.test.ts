@@ -195,7 +195,7 @@ test("a film is made, shown and saved; what that needs is installed if the user 
   assert.ok(page.text.includes("Take 1 is short."));
   await page.button("Save the film").click();
   assert.equal(saved.at(-1)?.name, "film.mp4");
-  await page.buttons("Close").at(-1)?.click();
+  await page.press("Escape");
   assert.equal(page.state.made, null);
 });
 

@@ -114,6 +114,7 @@ def test_a_recording_is_the_same_as_on_the_command_line(stage, commands, tmp_pat
         {"do": "edit", "character": "figure_one", "puppet": puppet_of(stage)},
         {"do": "source", "example": "rear"},
         {"do": "close_character", "character": "figure_one"},
+        {"do": "make_film"},
     ):
         assert stage.error(**refused)["found"] == "the take 'walking', which is being recorded"
     log = stage.settings.folder / "takes" / "walking.log"

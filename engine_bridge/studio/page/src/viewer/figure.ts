@@ -132,6 +132,11 @@ export class Figure {
     return new Box3(new Vector3(...low), new Vector3(...high)).applyMatrix4(this.group.matrixWorld);
   }
 
+  /** The box as far as the character has walked. */
+  walkedBox(): Box3 {
+    return this.box().translate(this.walked().setY(0));
+  }
+
   /** How tall it is without a height of its own in the film, in metres. */
   get height(): number | null {
     const extent = this.upwards();

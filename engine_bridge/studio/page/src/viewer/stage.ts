@@ -191,7 +191,7 @@ export class Stage {
     const ratio = this.renderer.getPixelRatio();
     const [wide, tall] = [Math.min(width, this.width), Math.min(height, this.height)];
     const camera = new PerspectiveCamera(35, width / height);
-    aim(camera, figure.box().translate(figure.walked()), FRONT, PORTRAIT_ROOM);
+    aim(camera, figure.walkedBox(), FRONT, PORTRAIT_ROOM);
     const { background } = this.scene;
     this.scene.background = new Color(this.colours?.stage);
     const others = this.scene.children.filter((each) => each !== figure.group && each.visible && !("isLight" in each));

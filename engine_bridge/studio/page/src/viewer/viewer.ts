@@ -153,7 +153,7 @@ export class Viewer {
   /** The boxes of characters where they are now. */
   private present(): Map<string, Box3> {
     const drawn = [...this.figures].filter(([, { mesh }]) => mesh !== null);
-    return new Map(drawn.map(([name, figure]) => [name, figure.box().translate(figure.walked())]));
+    return new Map(drawn.map(([name, figure]) => [name, figure.walkedBox()]));
   }
 
   /** Positions of a character's vertices as they are shown, in the mesh file's coordinates. */
@@ -221,7 +221,7 @@ export class Viewer {
     if (boxes.length === 0) return;
     this.framed = this.shownIn(state);
     const all = boxes.reduce((box, each) => box.union(each));
-    if (face === "workshop") all.min.y -= 0.1 * (all.max.y - all.min.y); // the toolbar is below
+    if (face === "workshop") all.min.y -= 0.2 * (all.max.y - all.min.y); // the toolbar is below
     this.stage.frame(all, face === "film" && boxes.length > 1 ? FRONT : SIDE);
     this.walked = new Vector3();
     this.dirty = true;

@@ -103,7 +103,7 @@ class FilmFile:
         PuppetlineError
             The file cannot be read or written.
         """
-        document, takes = self._document(), list(takes)
+        document, takes, before = self._document(), list(takes), self.scene
         allowed = {*known, *_files(document.unwrap())}
         used = [take.file for take in takes] + ([] if scene is None else _files(scene.model_dump()))
         for file in used:
@@ -124,7 +124,7 @@ class FilmFile:
             _add(document, name, {})
         document["take"] = tables
         if scene is not None:
-            _change(document, scene)
+            _change(document, before, scene)
             values = document.unwrap()
             seconds = {"seconds": 1.0, **values.get("film", {})}  # a scene without takes is a scene too
             if values.get("character"):
@@ -193,12 +193,11 @@ def _add(document: tomlkit.TOMLDocument, name: str, widths: dict[str, float]) ->
     document["character"].append(_table(row))
 
 
-def _change(document: tomlkit.TOMLDocument, scene: FilmScene) -> None:
-    """Change tables of a document that differ from a scene's."""
-    before = FilmScene.model_validate(_without_takes(document.unwrap()))
+def _change(document: tomlkit.TOMLDocument, before: FilmScene, scene: FilmScene) -> None:
+    """Change the tables of a document in which two scenes differ; characters that it has besides are kept."""
     puppets = {each.name: each.puppet for each in before.character}
     wanted = {each.name: each for each in scene.character}
-    for row, old in zip(document.get("character", ()), before.character, strict=True):
+    for row, old in zip(document.get("character", ()), before.character, strict=False):
         new = wanted.get(old.name, old).model_copy(update={"puppet": puppets[old.name]})
         _update(row, old, new)
     for key in FilmScene.model_fields:

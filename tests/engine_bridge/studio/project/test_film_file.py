@@ -145,6 +145,13 @@ def test_no_request_puts_another_file_into_the_film(film):
     assert not film.path.exists()
 
 
+def test_a_wrong_table_is_told_and_nothing_is_written_over_it(film):
+    film.path.write_text(HAND.replace("height = 0.9", "height = -1"))
+    with pytest.raises(SceneError):
+        film.replace([], [], FilmScene())
+    assert "height = -1" in film.path.read_text()
+
+
 def test_a_mistake_of_a_person_is_told_with_its_line(film):
     film.path.write_text("[film\n")
     with pytest.raises(SceneError) as caught:

@@ -38,6 +38,11 @@ def _install_camera(installation):
     installation.is_installed = lambda extra: extra in ("camera", "sound") or others(extra)
 
 
+def _plug_in_camera(sensors):
+    found = sensors.Finding("/dev/video0", True, "a virtual camera, can be opened", "")
+    sensors._cameras = lambda: iter([found])
+
+
 def _camera(uri):
     import numpy as np
     from PIL import Image, ImageDraw
@@ -110,4 +115,5 @@ def _plug_in_microphone(sound):
 
 sys.meta_path.insert(0, _Patch("capture.sound", _plug_in_microphone))
 sys.meta_path.insert(0, _Patch("capture.sources.registry", _open_camera))
+sys.meta_path.insert(0, _Patch("engine_bridge.inspection.sensors", _plug_in_camera))
 sys.meta_path.insert(0, _Patch("engine_bridge.studio.long_work.installation", _install_camera))

@@ -158,10 +158,10 @@ def _run(
             stack.callback(display.close)
         read_settings = None if config is None else partial(service_file.load, config)
         stack.enter_context(reported(_CompilingLog()))
+        if studio is not None:
+            stack.enter_context(_studio(settings, folder, studio, config))  # it starts while the characters are loaded
         service = Service(settings, folder, commands, None if display is None else display.update, read_settings)
         stack.callback(service.close)
-        if studio is not None:
-            stack.enter_context(_studio(settings, folder, service.stream, studio, config))
         gc.collect()
         gc.freeze()  # what is loaded stays, so later collections need not examine it
         gc.enable()
@@ -185,9 +185,7 @@ class _CompilingLog:
 
 
 @contextmanager
-def _studio(
-    settings: "ServiceFile", folder: Path, streams: list[str], port: int, config: Path | None
-) -> Iterator[None]:
+def _studio(settings: "ServiceFile", folder: Path, port: int, config: Path | None) -> Iterator[None]:
     """Run the page of the studio in a process of its own, which joins the service and does not delay it."""
     from engine_bridge.service.security.credentials import TOKEN_VARIABLE
     from engine_bridge.service.security.endpoints import endpoints_of
@@ -199,20 +197,15 @@ def _studio(
             expected="a port, with the control socket on the next one",
             fix="Choose a port.",
         )
-    joined = [
-        (endpoint, stream)
-        for endpoint, stream in zip(endpoints_of(settings.network, folder), streams, strict=False)
-        if endpoint.mechanism != "CURVE"
-    ]
-    if not joined:
+    endpoint = next((each for each in endpoints_of(settings.network, folder) if each.mechanism != "CURVE"), None)
+    if endpoint is None:
         raise ServiceError(
             "--studio",
             found="a service that accepts CURVE keys only",
             expected="an address for programs on this machine",
             fix='Set host = "127.0.0.1" in [network] and the other address in [network.curve].',
         )
-    endpoint, stream = joined[0]
-    address = stream.removeprefix("tcp://").replace("0.0.0.0", "127.0.0.1").replace("[::]", "[::1]")  # noqa: S104
+    address = endpoint.stream.removeprefix("tcp://").replace("0.0.0.0", "127.0.0.1").replace("[::]", "[::1]")  # noqa: S104
     token = {TOKEN_VARIABLE: endpoint.token.decode()} if endpoint.token else {}
     command = [
         sys.executable,

@@ -18,7 +18,6 @@ from aiohttp import web
 from engine_bridge.service.security.credentials import make_token, read_token
 from engine_bridge.studio.backend.backend import Backend
 from engine_bridge.studio.backend.joined_studio import JoinedStudio
-from engine_bridge.studio.backend.studio import Studio
 from engine_bridge.studio.project.workspace import Workspace
 from engine_bridge.studio.screen.kiosk import VisitorsKiosk
 from engine_bridge.studio.screen.screen_key import ScreenKey
@@ -180,6 +179,8 @@ def _signals_call(do: Callable[[], object]) -> Iterator[None]:
 
 def _backend(settings: StudioSettings, own: Path, puppets: dict[str, Path], invite: Callable[[], str]) -> Backend:
     if settings.service is None:
+        from engine_bridge.studio.backend.studio import Studio  # importing it takes a while, and a kiosk waits
+
         workspace = Workspace(settings.folder)
         service = OwnService(workspace.folder, _service_token(workspace.folder))
         return Studio(workspace, service, invite, settings.sound)

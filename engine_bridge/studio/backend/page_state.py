@@ -2,16 +2,18 @@
 
 import hashlib
 import json
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from engine_bridge.studio.messages import state
-from engine_bridge.studio.project.open_characters import OpenCharacter
 from engine_bridge.studio.project.workspace import Workspace
 from engine_bridge.studio.service.chosen_source import ChosenSource
 from engine_bridge.studio.service.service_link import ServiceLink
 
+if TYPE_CHECKING:
+    from engine_bridge.studio.project.open_characters import OpenCharacter  # importing it takes a while
 
-def character_state(character: OpenCharacter, described: dict[str, Any]) -> state.CharacterState:
+
+def character_state(character: "OpenCharacter", described: dict[str, Any]) -> state.CharacterState:
     """Return the state of a character; `described` is the service's entry of `describe`, empty if it has none."""
     return state.CharacterState(
         name=character.name,

@@ -4,12 +4,14 @@ import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from capture.sources.registry import LOOP_SUFFIX, is_recorded
 from engine_bridge.studio.messages.state import SourceState
-from engine_bridge.studio.project.open_characters import OpenCharacter
 from puppetline.errors import ServiceError
+
+if TYPE_CHECKING:
+    from engine_bridge.studio.project.open_characters import OpenCharacter  # importing it takes a while
 
 LIVE_SCHEMES = "osc", "vmc", "freenect", "openni", "realsense", "orbbec", "camera"
 """Schemes of URIs that the page may give. The others name files, which the page does not."""
@@ -32,7 +34,7 @@ NOTHING = ChosenSource("demo:walk", SourceState())
 
 
 def stages(
-    characters: Iterable[OpenCharacter], playing: ChosenSource, folder: Path, sound: str | None = None
+    characters: "Iterable[OpenCharacter]", playing: ChosenSource, folder: Path, sound: str | None = None
 ) -> list[dict[str, Any]]:
     """Return the tables [[stage]] of the service file.
 

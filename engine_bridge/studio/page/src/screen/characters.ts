@@ -60,9 +60,9 @@ export class Characters {
     }
   }
 
-  /** Positions of a character's vertices as they are shown. */
-  positions(name: string): Float32Array | null {
-    return this.figures.get(name)?.positions() ?? null;
+  /** The number of the newest frame that is shown of each character. */
+  get shown(): readonly (number | null)[] {
+    return [...this.figures.values()].map(({ moment }) => moment?.later ?? null);
   }
 
   private follow(names: readonly string[]): void {

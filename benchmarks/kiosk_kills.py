@@ -91,7 +91,7 @@ class Kiosk:
 
     def start_screen(self) -> None:
         """Start Chromium."""
-        options = ["--headless=new", "--no-sandbox", "--window-size=640,360", "--use-angle=swiftshader"]
+        options = ["--headless=new", "--no-sandbox", "--window-size=320,180", "--use-angle=swiftshader"]
         options += ["--enable-unsafe-swiftshader", f"--user-data-dir={self.folder / 'profile'}"]
         command = ["chromium", *options, f"--remote-debugging-port={self._debugger}", self._address]
         quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}

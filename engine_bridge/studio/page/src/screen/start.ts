@@ -47,7 +47,7 @@ async function refresh(): Promise<void> {
     if (settings !== null && settings.run !== fresh.run) location.reload();
     [settings, problem] = [fresh, ""];
     characters.dress(fresh.models);
-    client.retry();
+    if (client.state === "refused") client.retry(); // the key is valid again
   } catch (error) {
     problem = error instanceof Error && error.message.endsWith("401") ? "401" : "offline";
   }

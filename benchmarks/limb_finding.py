@@ -46,6 +46,7 @@ from engine_bridge.puppet.rig_limbs import rig_limbs
 from engine_bridge.puppet.skin_joints import vertex_influences
 from puppetline.errors import PuppetlineError
 from solver.anatomy import orientation
+from solver.anatomy.axes import unit_vector
 from solver.anatomy.limb_chain import Limbs, evenly
 from solver.anatomy.limb_finding import find_limbs
 from solver.motion.limbs import TRUNK, Bones, Limb, bones_of, parents_first
@@ -202,10 +203,6 @@ FOLDS = 5
 PROBABILITIES = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0)
 """Limits of the ranges of stated probabilities."""
 
-WAYS = {
-    sign + name: float(sign + "1") * axis for sign in ("", "-") for name, axis in zip("xyz", np.eye(3), strict=True)
-}
-
 
 @dataclass(frozen=True)
 class Answer:
@@ -228,7 +225,7 @@ def find(character: Character) -> Answer:
         return Answer(rig.limbs, *axes, rig.bodies[0][0])
     surface = character.solver_mesh()
     stands = orientation.propose(surface, None, None, specified=rig is not None)
-    up, front = (WAYS[axis] for axis in (stands.up, stands.front))
+    up, front = (unit_vector(axis) for axis in (stands.up, stands.front))
     limbs = find_limbs(surface, np.array([np.cross(up, front), up, front]))
     return Answer(limbs, stands.up, stands.front, stands.confidence)
 

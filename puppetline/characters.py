@@ -210,6 +210,7 @@ def load(path: str | PathLike[str]) -> Character:
 def propose(
     mesh: str | PathLike[str],
     *,
+    body: int | None = None,
     up: Direction | None = None,
     front: Direction | None = None,
     scale: float | None = None,
@@ -222,6 +223,8 @@ def propose(
     ----------
     mesh : path
         A .glb, .gltf, .vrm, .obj, .off, .ply or .stl file.
+    body : int, optional
+        Number of the body that moves, if the mesh shows several; 0 for everything in the file. By default the first.
     up, front : "x", "-x", "y", "-y", "z" or "-z", optional
         Axes of the mesh that point up and forward; by default from its skeleton or shape.
     scale : float, optional
@@ -237,5 +240,5 @@ def propose(
     PuppetlineError
     """
     path = Path(mesh)
-    made = proposal.new_puppet(path, path, up=up, front=front, scale=scale, plan=plan, mirror=mirror)
+    made = proposal.new_puppet(path, path, body=body, up=up, front=front, scale=scale, plan=plan, mirror=mirror)
     return Character(make_rig(made.puppet, made.character), (*made.assumed, *made.notes))

@@ -4,7 +4,7 @@ A character file of any format is converted to a glTF document first. A glTF fil
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -67,10 +67,13 @@ class Character:
     document : Document
     parts : list of Part
         All surfaces, in the order of nodes and primitives.
+    still : tuple of Part
+        Surfaces that do not move, of nodes at the top of the scene.
     """
 
     document: Document
     parts: list[Part]
+    still: tuple[Part, ...] = ()
 
     @property
     def vertices(self) -> NDArray[np.float64]:
@@ -89,6 +92,19 @@ class Character:
         """Slices of the parts in `vertices` and in `SolverMesh.of_render`."""
         ends = np.cumsum([len(part.vertices) for part in self.parts]).tolist()
         return [slice(start, end) for start, end in pairwise([0, *ends])]
+
+    @property
+    def whole(self) -> "Character":
+        """The character with the surfaces that do not move."""
+        return replace(self, parts=[*self.parts, *self.still], still=())
+
+    @property
+    def joints(self) -> set[int]:
+        """Nodes of the joints of all skins, except of those that only move what stays still."""
+        gltf = self.document.gltf
+        still, used = ({gltf["nodes"][part.node].get("skin") for part in parts} for parts in (self.still, self.parts))
+        skins = [skin for number, skin in enumerate(gltf["skins"]) if number in used or number not in still]
+        return {joint for skin in skins for joint in skin["joints"]}
 
     def primitive(self, part: Part) -> Primitive:
         """Return a part's primitive in the document."""

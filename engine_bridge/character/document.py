@@ -71,6 +71,13 @@ class Document:
         MeshError
             The accessor is empty, or refers to bytes outside the buffer.
         """
+        accessor, values = self.gltf["accessors"][index], self._stored(index)
+        if accessor.get("normalized") and values.dtype.kind != "f":
+            values = np.maximum(values / np.float32(np.iinfo(values.dtype).max), np.float32(-1))
+        return np.array(values[:, 0] if values.shape[1] == 1 else values)
+
+    def _stored(self, index: int) -> NDArray[Any]:
+        """Return an accessor's values (count, width) as they are stored."""
         accessor, where = self.gltf["accessors"][index], at(self.name, field=f"accessors[{index}]")
         dtype = _component(accessor["componentType"], where)
         width, count = TYPE_WIDTHS[accessor["type"]], accessor["count"]
@@ -84,9 +91,7 @@ class Document:
             values = np.zeros((count, width), dtype)
         if "sparse" in accessor:
             values = self._with_sparse(accessor, values.copy(), where)
-        if accessor.get("normalized") and dtype.kind != "f":
-            values = np.maximum(values / np.float32(np.iinfo(dtype).max), np.float32(-1))
-        return np.array(values[:, 0] if width == 1 else values)
+        return values
 
     def view(self, index: int) -> bytes:
         """Return the bytes of a buffer view."""
@@ -170,6 +175,14 @@ class Document:
             self.gltf["bufferViews"][view]["byteStride"] = stride
         self.gltf["accessors"].append({"bufferView": view, **_described(values, bounds=bounds)})
         return len(self.gltf["accessors"]) - 1
+
+    def add_rows(self, index: int, chosen: NDArray[np.bool_]) -> int:
+        """Add the chosen rows (count,) of a vertex attribute's accessor, and return the new accessor's index."""
+        old = self.gltf["accessors"][index]
+        added = self.add(self._stored(index)[chosen], ARRAY_BUFFER, bounds="min" in old)
+        if old.get("normalized"):
+            self.gltf["accessors"][added]["normalized"] = True
+        return added
 
     def replace(self, index: int, values: NDArray[Any], *, bounds: bool = False) -> None:
         """Replace the values of an accessor; other arrays in its buffer view stay as they are."""

@@ -15,11 +15,17 @@ if TYPE_CHECKING:
 
 AXIS = click.Choice(["x", "-x", "y", "-y", "z", "-z"])
 
-BODY = "up", "front", "scale", "plan", "mirror"
+BODY = "body", "up", "front", "scale", "plan", "mirror"
 """Names of the options that `body_options` adds."""
 
 body_options = options.together(
     (
+        click.option(
+            "--body",
+            type=click.IntRange(min=0),
+            metavar="NUMBER",
+            help="The body that moves, if the mesh shows several; 0 for everything in the file.  [default: the first]",
+        ),
         click.option("--up", type=AXIS, help="Axis of the mesh that points up.  [default: from its skeleton or shape]"),
         click.option(
             "--front", type=AXIS, help="Axis of the mesh that points forward.  [default: from its skeleton or shape]"

@@ -1,7 +1,7 @@
 """Animated glTF documents: morph targets, their weights over time, and the root's translation."""
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -103,7 +103,14 @@ def animate(character: Character, keyframes: Keyframes, displacements: Displacem
             add_channel(document, animation, clock, weights, node, "weights")
             _describe_targets(gltf["nodes"][node], mesh, before, keyframes.weights.shape[1])
     if keyframes.root is not None:
-        add_channel(document, animation, clock, keyframes.root, add_root(document), "translation")
+        add_channel(
+            document,
+            animation,
+            clock,
+            keyframes.root,
+            add_root(document, {part.node for part in character.still}),
+            "translation",
+        )
     if animation["channels"]:
         gltf["animations"].insert(0, animation)  # viewers play the first one
     return document
@@ -224,15 +231,17 @@ def hold_targets(document: Document, keyframes: Keyframes, character: Character)
             add_channel(document, animation, animation["samplers"][0]["input"], held.ravel(), node, "weights")
 
 
-def add_root(document: Document) -> int:
-    """Add a node above all others of the scene, and return its number.
+def add_root(document: Document, still: Collection[int]) -> int:
+    """Add a node above all others of the scene but those that stay still, and return its number.
 
     Skinned meshes stay at the top, because they follow their joints and not their parents.
     """
     gltf = document.gltf
     scene = gltf["scenes"][gltf.get("scene", 0)]
     tops = scene.get("nodes", [])
-    hanging = [top for top in tops if "skin" in gltf["nodes"][top] and not gltf["nodes"][top].get("children")]
+    hanging = [
+        top for top in tops if top in still or ("skin" in gltf["nodes"][top] and not gltf["nodes"][top].get("children"))
+    ]
     gltf["nodes"].append({"name": "puppetline_root", "children": [top for top in tops if top not in hanging]})
     root = len(gltf["nodes"]) - 1
     scene["nodes"] = [root, *hanging]

@@ -7,6 +7,7 @@ from pathlib import Path
 import platformdirs
 
 from engine_bridge.character import own_targets
+from engine_bridge.character.bodies import bodies_of, with_body
 from engine_bridge.character.character import Character, load_character
 from engine_bridge.character.preparation import prepare
 from engine_bridge.puppet import puppet_file
@@ -61,6 +62,9 @@ def rig_of(puppet: Puppet, path: Path) -> Rig:
             fix="Correct the path, or copy the mesh there.",
         )
     character = load_character(file, cache_folder())
+    if puppet.character.body is not None:
+        where = at(path, field="[character], body")
+        character = with_body(character, bodies_of(character), puppet.character.body, where)
     limb_nodes(puppet, character, path)  # refuses those of another mesh
     rig = make_rig(puppet, character)
     check_limbs(puppet.limb, rig.mesh, path)

@@ -49,13 +49,14 @@ def draw(puppet: Puppet, character: Character, path: Path, title: str) -> None:
     OutputError
     """
     basis = puppet.character.basis
-    vertices = character.vertices @ basis.T
-    colors = preview_colors(character)
+    shown = character.whole
+    vertices = shown.vertices @ basis.T
+    colors = preview_colors(shown)
     marks = [*map(_limb_mark, puppet.limb), *map(_handle_mark, puppet.handle)]
     images = []
     for angles in VIEWS.values():
         view = View.around(vertices, *angles)
-        picture = render(vertices, character.triangles, view, SIZE, colors)
+        picture = render(vertices, shown.triangles, view, SIZE, colors)
         if puppet.limb:
             picture = np.round(picture + FADING * (255.0 - picture)).astype(np.uint8)
         image = Image.fromarray(picture)

@@ -39,7 +39,7 @@ class FileSkeleton:
         walk = tree(document)
         above = {node: parent for node, parent in walk if parent is not None}
         middles = _middles(character)
-        chosen = {joint for skin in gltf["skins"] for joint in skin["joints"]}
+        chosen = character.joints
         if not chosen and len(middles) > 1:
             chosen = {other for node in middles for other in _path_to_top(node, above)}
         loose: set[int] = set()

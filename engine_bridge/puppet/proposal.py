@@ -1,7 +1,7 @@
 """Proposal of a puppet for any mesh: its limbs, or handles if it has none, and the joints that move them."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from engine_bridge.character.bodies import bodies_of, with_body
 from engine_bridge.character.character import Character, load_character
 from engine_bridge.character.face_targets import morph_tables
 from engine_bridge.character.own_targets import names_of
@@ -24,6 +25,8 @@ from engine_bridge.puppet.rig_limbs import RigBody, rig_limbs
 from engine_bridge.puppet.size import propose_scale
 from puppetline.errors import PuppetError, at
 from solver.anatomy import orientation
+from solver.anatomy.axes import unit_vector
+from solver.anatomy.bodies import STILL
 from solver.anatomy.limb_chain import Limbs
 from solver.anatomy.limb_finding import find_limbs
 from solver.surface.mesh import SolverMesh
@@ -76,6 +79,7 @@ def new_puppet(
     mirror: bool = False,
     limbs: bool = True,
     plan: BodyPlan | None = None,
+    body: int | None = None,
 ) -> Proposal:
     """Propose a puppet for a mesh file, with the user's handles and joints where they are given.
 
@@ -97,19 +101,26 @@ def new_puppet(
         How limbs follow the performer; None to choose it from the limbs that are found.
     limbs : bool
         False for handles at the ends of limbs instead of limbs.
+    body : int or None
+        Number of the body that moves; None for the first, 0 for everything that the file shows.
 
     Raises
     ------
     PuppetlineError
     """
-    character = load_character(mesh)
-    surface = character.solver_mesh()
     where = "the command line"
+    character = load_character(mesh)
+    bodies = np.ones(0, dtype=np.int64) if body == 0 else bodies_of(character)
+    if body != 0:
+        character = with_body(character, bodies, body or 1, at(where, field=f"--body {body}"))
+    surface = character.solver_mesh()
     places = {name: np.array(_numbers("--limb", name, text)) for name, text in ends.items()}
     _check_ends(ends, where)
     for name, point in places.items():
         check_on_surface(point, surface, at(where, field=f"--limb {name}={ends[name]}"))
     table: dict[str, Any] = {"mesh": Path(os.path.relpath(mesh, output.parent)).as_posix()}
+    if character.still:
+        table["body"] = body or 1
     given = {"up": up, "front": front, "scale": scale}
     values: dict[str, Any] = {
         "character": table | {key: value for key, value in given.items() if value is not None},
@@ -119,14 +130,15 @@ def new_puppet(
     }
     if up is not None and front is not None:
         check(values | {"handle": PLACEHOLDER_HANDLES}, where)  # refuses parallel axes first
-    rig = None if ends else rig_limbs(character, _vector(up), _vector(front))
+    rig = None if ends else rig_limbs(character, *(axis and unit_vector(axis) for axis in (up, front)))
     skeleton = axes_of(rig)
     stands = orientation.propose(
         surface, *(skeleton or (up, front)), specified=mesh.suffix.lower() not in SURFACE_FILES
     )
     values["character"] = {"up": stands.up, "front": stands.front} | values["character"]
     standing = check(values | {"handle": PLACEHOLDER_HANDLES}, where).character
-    notes = [] if rig is None or not skeleton else _other_axes(rig, skeleton)
+    notes = [*_others(bodies, body or 1)]
+    notes += [] if rig is None or not skeleton else _other_axes(rig, skeleton)
     if places or not handles:
         found = _limbs(rig, surface, standing, places, notes)
         proposed = limb_tables(found, standing, _checked(plan, found)) if limbs else []
@@ -152,8 +164,18 @@ def new_puppet(
     reasons = [*stands.reasons, reason]
     if skeleton:
         reasons[:2] = (f"{name} is {axis}, by the file's skeleton" for name, axis in zip(AXES, skeleton, strict=True))
-    assumed = tuple(reason for value, reason in zip(given.values(), reasons, strict=True) if value is None)
-    return Proposal(puppet, character, assumed, tuple(notes), plan)
+    assumed = [reason for value, reason in zip(given.values(), reasons, strict=True) if value is None]
+    if (bodies == STILL).any():
+        assumed.append("what it stands on, or what stands beside it, stays still; to move everything: --body 0")
+    return Proposal(puppet, character, tuple(assumed), tuple(notes), plan)
+
+
+def _others(bodies: NDArray[np.int64], chosen: int) -> Iterator[str]:
+    """Yield a note if there are several bodies (N,)."""
+    count = int(bodies.max(initial=1))
+    if count > 1:
+        others = ", ".join(f"--body {number}" for number in range(1, count + 1) if number != chosen)
+        yield f"The file shows {count} bodies. Body {chosen} moves, and the others stay still. For another: {others}"
 
 
 def _plan(puppet: Puppet, plan: BodyPlan | None) -> BodyPlan | None:
@@ -179,10 +201,6 @@ def _is_valid(values: dict[str, Any], surface: SolverMesh) -> bool:
     except PuppetError:
         return False
     return True
-
-
-def _vector(axis: Direction | None) -> NDArray[np.float64] | None:
-    return None if axis is None else (-1.0 if axis[0] == "-" else 1.0) * np.eye(3)["xyz".index(axis[-1])]
 
 
 def _direction(vector: NDArray[np.float64]) -> Direction:

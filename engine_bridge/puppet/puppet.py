@@ -13,6 +13,7 @@ from capture.channels import ALL_CHANNELS
 from capture.skeleton import JOINT_INDEX, JOINTS
 from capture.smoothing import Smoothing
 from puppetline.toml_schema import Table, check_distinct, mistake
+from solver.anatomy.axes import unit_vector
 from solver.model.reduced_model import ModelParameters
 from solver.model.rotations import RotationMode
 from solver.motion.limbs import TRUNK, Follow, Limb
@@ -55,12 +56,16 @@ Scale = Literal["auto"] | Annotated[Number, Field(gt=0)]
 
 
 class CharacterTable(Table):
-    """[character]: the mesh's path relative to the puppet file, its orientation, and metres per mesh unit."""
+    """[character]: the mesh's path relative to the puppet file, its orientation, and metres per mesh unit.
+
+    `body` is the number of the body that moves, if the mesh shows several, or something that stays still.
+    """
 
     mesh: Text
     up: Direction = "y"
     front: Direction = "z"
     scale: Annotated[Number, Field(gt=0)] = 1.0
+    body: Annotated[Count, Field(ge=1)] | None = None
 
     @model_validator(mode="after")
     def _axes_differ(self) -> Self:
@@ -76,7 +81,7 @@ class CharacterTable(Table):
     @property
     def basis(self) -> NDArray[np.float64]:
         """(3, 3): rows are the mesh's directions of the character's left, up and front."""
-        up, front = (_unit_vector(direction) for direction in (self.up, self.front))
+        up, front = (unit_vector(direction) for direction in (self.up, self.front))
         return np.array([np.cross(up, front), up, front])
 
 
@@ -133,7 +138,7 @@ class BendTable(Table):
     @property
     def turn(self) -> NDArray[np.float64]:
         """(3,): axis times angle in radians, when the channel is 1."""
-        return np.radians(self.degrees) * _unit_vector(self.axis)
+        return np.radians(self.degrees) * unit_vector(self.axis)
 
 
 class MorphTable(Table):
@@ -470,7 +475,3 @@ def _overlap(one: LimbTable, other: LimbTable) -> bool:
             if np.linalg.norm(middle - from_ - share * along) < OVERLAP_SHARE * np.linalg.norm(end - start):
                 return True
     return False
-
-
-def _unit_vector(direction: str) -> NDArray[np.float64]:
-    return np.eye(3)["xyz".index(direction[-1])] * (-1.0 if direction.startswith("-") else 1.0)

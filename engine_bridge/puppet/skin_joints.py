@@ -40,7 +40,7 @@ def joints_of(character: Character) -> list[Joint]:
     """Return the joints of all skins; without skins, the named nodes of a character of several parts."""
     document = character.document
     gltf = document.gltf
-    nodes = sorted({joint for skin in gltf["skins"] for joint in skin["joints"]})
+    nodes = sorted(character.joints)
     if not nodes:
         nodes = [index for index, node in enumerate(gltf["nodes"]) if node.get("name")]
         if len(character.parts) < 2:

@@ -127,7 +127,7 @@ def _posture(up: str, front: str) -> str:
 
 def _chances(mesh: SolverMesh) -> dict[tuple[str, str], float]:
     """Return the probability of each up and front."""
-    points = _sample(mesh)
+    points, _ = sample(mesh, SAMPLE_COUNT)
     diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
     mirroring = [_mirroring(points, axis, diagonal) for axis in range(3)]
     detail = mesh.vertices.mean(axis=0) - points.mean(axis=0)
@@ -208,15 +208,15 @@ def _mirroring(points: NDArray[np.float64], axis: int, diagonal: float) -> tuple
     return middle, max(mismatch, MIN_MISMATCH)
 
 
-def _sample(mesh: SolverMesh) -> NDArray[np.float64]:
-    """Return (SAMPLE_COUNT, 3) points spread evenly over the surface, whatever the rotation of the mesh."""
+def sample(mesh: SolverMesh, count: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return points (count, 3) spread evenly over the surface, whatever the rotation of the mesh, and their faces."""
     corners = mesh.vertices[mesh.faces]
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     up_to = np.cumsum(areas)
-    number = np.arange(SAMPLE_COUNT)
-    face = np.searchsorted(up_to, (number + 0.5) / SAMPLE_COUNT * up_to[-1])
+    number = np.arange(count)
+    face = np.searchsorted(up_to, (number + 0.5) / count * up_to[-1])
     # the R2 sequence of Roberts fills the unit square evenly
     first, second = np.sqrt(number * 0.7548776662466927 % 1), number * 0.5698402909980532 % 1
     shares = np.column_stack([1 - first, first * (1 - second), first * second])
     points: NDArray[np.float64] = np.einsum("nk,nkc->nc", shares, corners[face])
-    return points
+    return points, face

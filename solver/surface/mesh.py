@@ -103,6 +103,12 @@ class SolverMesh:
         area = igl.doublearea(self.vertices, self.faces) / 6
         return np.bincount(self.faces.ravel(), np.repeat(area, 3), len(self.vertices)).astype(np.float64)
 
+    def only(self, chosen: NDArray[np.bool_]) -> "SolverMesh":
+        """Return the mesh of chosen vertices (n,) alone; connected parts are chosen as a whole."""
+        number = np.cumsum(chosen) - 1
+        faces = number[self.faces[chosen[self.faces[:, 0]]]]
+        return SolverMesh(self.vertices[chosen], faces, np.arange(number[-1] + 1), self.name)
+
     @property
     def parts(self) -> int:
         """Number of connected parts."""

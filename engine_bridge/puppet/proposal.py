@@ -109,10 +109,7 @@ def new_puppet(
     PuppetlineError
     """
     where = "the command line"
-    character = load_character(mesh)
-    bodies = np.ones(0, dtype=np.int64) if body == 0 else bodies_of(character)
-    if body != 0:
-        character = with_body(character, bodies, body or 1, at(where, field=f"--body {body}"))
+    character, bodies = _with_chosen(load_character(mesh), body, at(where, field=f"--body {body}"))
     surface = character.solver_mesh()
     places = {name: np.array(_numbers("--limb", name, text)) for name, text in ends.items()}
     _check_ends(ends, where)
@@ -168,6 +165,14 @@ def new_puppet(
     if (bodies == STILL).any():
         assumed.append("what it stands on, or what stands beside it, stays still; to move everything: --body 0")
     return Proposal(puppet, character, tuple(assumed), tuple(notes), plan)
+
+
+def _with_chosen(character: Character, body: int | None, where: str) -> tuple[Character, NDArray[np.int64]]:
+    """Return the character with the body that moves, and the bodies (N,); all of it and none with 0."""
+    if body == 0:
+        return character, np.ones(0, dtype=np.int64)
+    bodies = bodies_of(character)
+    return with_body(character, bodies, body or 1, where), bodies
 
 
 def _others(bodies: NDArray[np.int64], chosen: int) -> Iterator[str]:

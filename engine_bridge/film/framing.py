@@ -17,8 +17,9 @@ HEAD_ROOM, SIDE_ROOM = 0.09, 0.06
 FOLLOWING_SECONDS = 0.7
 """Time constant with which a camera follows, in seconds: the standard deviation of a Gaussian filter."""
 
-AZIMUTHS = (15.0, -15.0, 30.0, -30.0, 45.0, -45.0, 60.0, -60.0)
-"""Directions in degrees, of which the first one with the best view is used if a camera has none."""
+AZIMUTHS, SHOULDER_AZIMUTHS = (15.0, -15.0, 30.0, -30.0, 45.0, -45.0, 60.0, -60.0), (18.0, -18.0, 28.0, -28.0)
+"""Directions in degrees, of which the first one with the best view is used if a camera has none; the second list is
+for shots over a shoulder."""
 
 COMPARED_FRAMES = 12
 """Number of frames of a shot in which views are compared."""
@@ -135,7 +136,7 @@ def _best_shot(
     if table.azimuth is not None:
         return _Shot(table, extents, first, fps, size)
     shots = []
-    for azimuth in AZIMUTHS:
+    for azimuth in SHOULDER_AZIMUTHS if table.shot == "over the shoulder" else AZIMUTHS:
         shots.append(_Shot(table.model_copy(update={"azimuth": azimuth}), extents, first, fps, size))
         if not shots[-1].others:
             break

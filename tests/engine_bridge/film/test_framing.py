@@ -100,6 +100,9 @@ def test_without_an_azimuth_nobody_else_stands_in_the_way():
     behind = Shots((CameraTable(show=("a",), shot="over the shoulder"),), both, 30, SIZE)
     looks = camera(behind, 0).target - camera(behind, 0).eye
     assert looks[2] < 0  # from b, which is in front of a, towards a
+    way = np.array([-0.6, 0, -2.2])
+    angle = np.degrees(np.arccos(looks[[0, 2]] @ way[[0, 2]] / np.linalg.norm(looks[[0, 2]]) / np.linalg.norm(way)))
+    assert 17 < angle < 29  # past a shoulder, not through the head
     assert camera(behind, 0).eye[2] > 2.2
 
 

@@ -22,7 +22,7 @@ export function keys(event: KeyboardEvent): void {
   else if (command && key === "z") (event.shiftKey ? redo : undo)();
   else if (command && key === "y") redo();
   else if (key === "r" && !command && !(event.target instanceof HTMLSelectElement)) void toggleRecording();
-  else if (key === " " && !(event.target instanceof HTMLElement && event.target.matches("input, select, summary, video, :focus-visible:is(button, [role])"))) void play();
+  else if (key === " " && !(event.target instanceof HTMLElement && event.target.matches("input, select, summary, video, :focus-visible:is(button, [role='button'])"))) void play();
   else if (key === "?") update(({ help }) => ({ help: !help }));
   else if (key === "escape" && current().made !== null) closeFilm();
   else if (key === "escape") update({ help: false, selection: null, joint: null, channel: null, target: null, finding: null, tool: "select", drawn: [], clip: null, drawer: null, asking: null });

@@ -59,7 +59,8 @@ def page():
     """Names of the files of the built page."""
     files = {path.relative_to(ROOT).as_posix() for path in (ROOT / PAGE).rglob("*") if path.is_file()}
     pictures = {f"assets/{path.name}" for path in (ROOT / PAGE).parent.glob("pictures/*.webp")}
-    wanted = {"index.html", "player.js", "assets/studio.js", "assets/style.css", *pictures}
+    own = {f"assets/{name}" for name in ("studio.js", "style.css", "screen.js", "screen.css")}
+    wanted = {"index.html", "screen.html", "player.js", *own, *pictures}
     assert files == {f"{PAGE}/{name}" for name in wanted}, "call make studio"
     return files
 

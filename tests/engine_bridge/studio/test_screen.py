@@ -94,8 +94,9 @@ def until(page, expression):
 
 def test_a_visitor_is_led_to_a_film_that_a_phone_opens_by_the_qr_code(screen_address, opened, opengl):
     screen = opened(screen_address, 960, 540)
-    kinds = []
+    kinds, end = [], time.monotonic() + TIMEOUT_SECONDS
     while "film" not in kinds:
+        assert time.monotonic() < end, kinds
         now = until(screen, "document.body.dataset.phase")
         if now not in kinds[-1:]:
             kinds.append(now)

@@ -63,7 +63,7 @@ def animate(
         clip, summary = convert_timeline(rig, timeline, output, recording.stem, settings, notes, report)
         title = f"{mesh.stem} · {recording.stem}"
         clip_sheet.draw(clip, sheet, title, lambda share: report("Drawing", share), file=output)
-    about = [f"  {line}" for line in new.describe(proposed)]
+    about = [*(f"  {line}" for line in new.describe(proposed)), new.check_line(proposed)]
     options.show(summary, as_json, describe(summary), f"  contact sheet  {sheet}", *about)
 
 

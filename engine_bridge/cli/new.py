@@ -110,7 +110,8 @@ def new(
         **body,
     )
     puppet_file.dump(proposed.puppet, output, plan_text(proposed))
-    puppet_diagram.draw(proposed.puppet, proposed.character, picture, f"{output.stem} · {mesh.name}")
+    title = f"{output.stem} · {mesh.name} · {proposed.summary}"
+    puppet_diagram.draw(proposed.puppet, proposed.character, picture, title)
     counts = {"limbs": len(proposed.puppet.limb), "handles": len(proposed.puppet.handle)}
     click.echo(
         f"{output}: {', '.join(f'{count} {what}' for what, count in counts.items() if count)}, shown in {picture}"
@@ -119,6 +120,7 @@ def new(
         click.echo(f"  {line}")
     _echo_mapping(proposed.puppet)
     click.echo(f"Convert a recording:  puppetline convert LOG --puppet {options.quoted(output)}")
+    click.echo(check_line(proposed))
 
 
 def _check_no_recording(mesh: Path) -> None:
@@ -135,6 +137,14 @@ def plan_text(proposed: "Proposal") -> str:
     from engine_bridge.puppet.body_plans import PLANS
 
     return f"Body plan {proposed.plan!r}. {PLANS[proposed.plan].about}" if proposed.plan else ""
+
+
+def check_line(proposed: "Proposal") -> str:
+    """Return what was found, for a person to compare with the picture, and the options that correct it."""
+    return (
+        f"Check: {proposed.summary}, which looks at you in the image. "
+        "If that is wrong, correct it with --front, --up, --plan or --body."
+    )
 
 
 def describe(proposed: "Proposal") -> list[str]:

@@ -14,7 +14,7 @@ from engine_bridge.pictures.contact_sheet import write_contact_sheet
 from engine_bridge.pictures.renderer import View, project, render
 from engine_bridge.puppet.puppet import HandleTable, LimbTable, Puppet
 
-VIEWS = {"from the front": (25.0, 12.0), "from its left": (100.0, 8.0)}
+VIEWS = {"from the front, it looks at you": (25.0, 12.0), "from its left, it looks to the left": (100.0, 8.0)}
 """Title of each view, and the camera's azimuth and elevation in degrees."""
 SIZE = (840, 560)
 """Width and height of each view, in pixels; the space beside the character is for labels."""

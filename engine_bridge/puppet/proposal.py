@@ -1,8 +1,8 @@
 """Proposal of a puppet for any mesh: its limbs, or handles if it has none, and the joints that move them."""
 
 import os
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -15,7 +15,8 @@ from engine_bridge.character.character import Character, load_character
 from engine_bridge.character.face_targets import morph_tables
 from engine_bridge.character.own_targets import names_of
 from engine_bridge.character.surface_document import SURFACE_FILES
-from engine_bridge.puppet.body_plans import BodyPlan, check_plan, plan_of
+from engine_bridge.puppet.body_plans import BodyPlan, check_plan, is_leg, is_person, plan_of
+from engine_bridge.puppet.body_summary import body_summary
 from engine_bridge.puppet.limb_nodes import limb_nodes
 from engine_bridge.puppet.limb_proposal import PERFORMER_JOINTS, end_handles, limb_tables
 from engine_bridge.puppet.placement import check_handles, check_limbs, check_on_surface
@@ -29,6 +30,7 @@ from solver.anatomy.axes import unit_vector
 from solver.anatomy.bodies import STILL
 from solver.anatomy.limb_chain import Limbs
 from solver.anatomy.limb_finding import find_limbs
+from solver.anatomy.orientation import Orientation
 from solver.surface.mesh import SolverMesh
 
 ENDS = ("head", "tail", "jaw", *(f"{side} {limb}" for limb in (*PERFORMER_JOINTS, "ear") for side in ("left", "right")))
@@ -38,6 +40,10 @@ AXES = "up", "front"
 
 MIN_OTHER_PROBABILITY = 0.05
 """Minimum probability of another up or front for which there is a note."""
+
+MAX_OTHER_WAYS, MIN_WAY_PROBABILITY = 5, 0.01
+"""Number of other ups and fronts in which the legs of a shape without legs are looked for, and their minimum
+probability."""
 
 PLACEHOLDER_HANDLES = ({"name": "any", "position": (0.0, 0.0, 0.0)},)
 """Handles with which the rest of a puppet is checked before its own are known."""
@@ -64,6 +70,11 @@ class Proposal:
     assumed: tuple[str, ...]
     notes: tuple[str, ...] = ()
     plan: BodyPlan | None = None
+
+    @property
+    def summary(self) -> str:
+        """What was found, in words: "a person: one head, two arms, two legs"."""
+        return body_summary(self.plan, (limb.name for limb in self.puppet.limb))
 
 
 def new_puppet(
@@ -132,12 +143,15 @@ def new_puppet(
     stands = orientation.propose(
         surface, *(skeleton or (up, front)), specified=mesh.suffix.lower() not in SURFACE_FILES
     )
+    by_shape = skeleton is None and (bool(places) or not handles)
+    stands, shape = _limbs_of_shape(surface, stands, places) if by_shape else (stands, None)
     values["character"] = {"up": stands.up, "front": stands.front} | values["character"]
     standing = check(values | {"handle": PLACEHOLDER_HANDLES}, where).character
     notes = [*_others(bodies, body or 1)]
-    notes += [] if rig is None or not skeleton else _other_axes(rig, skeleton)
+    others = _others_of_skeleton(rig) if rig is not None and skeleton else stands.others
+    notes += _other_axes(others, (stands.up, stands.front))
     if places or not handles:
-        found = _limbs(rig, surface, standing, places, notes)
+        found = _limbs(rig, shape, surface, standing, notes)
         proposed = limb_tables(found, standing, _checked(plan, found)) if limbs else []
         tables = [limb.model_dump(exclude_none=True) for limb in proposed]
         if tables and not places and not _is_valid(values | {"handle": [], "limb": tables}, surface):
@@ -222,30 +236,56 @@ def axes_of(rig: RigBody | None) -> tuple[Direction, Direction] | None:
     return _direction(body.up), _direction(body.front)
 
 
-def _other_axes(rig: RigBody, chosen: tuple[Direction, Direction]) -> list[str]:
-    """Return a note on the next likely up or front of a skeleton, if it is nearly as likely."""
-    if len(rig.bodies) < 2 or rig.bodies[1][0] < MIN_OTHER_PROBABILITY:
+Axes = tuple[str, str, float]
+"""Up, front and their probability."""
+
+
+def _others_of_skeleton(rig: RigBody) -> tuple[Axes, ...]:
+    """Return other ups and fronts of a file's skeleton, the likeliest first."""
+    return tuple((_direction(body.up), _direction(body.front), chance) for chance, body in rig.bodies[1:])
+
+
+def _other_axes(others: Sequence[Axes], chosen: tuple[str, str]) -> list[str]:
+    """Return a note on another up or front, if it is likely, with the option that takes it."""
+    if not others or others[0][2] < MIN_OTHER_PROBABILITY:
         return []
-    chance, body = rig.bodies[1]
-    other = _direction(body.up), _direction(body.front)
-    changed = [f"--{name} {axis}" for name, axis, own in zip(AXES, other, chosen, strict=True) if axis != own]
-    what = " and ".join(f"{name} is {axis}" for name, axis, own in zip(AXES, other, chosen, strict=True) if axis != own)
-    return [f"With a probability of {chance:.0%}, {what}. If so: {' '.join(changed)}"]
+    other = others[0]
+    changed = [(name, axis) for name, axis, own in zip(AXES, other, chosen, strict=False) if axis != own]
+    what = " and ".join(f"{name} is {axis}" for name, axis in changed)
+    fix = " ".join(f"--{name} {axis}" for name, axis in changed)
+    return [f"With a probability of {other[2]:.0%}, {what}. If so: {fix}"]
+
+
+def _limbs_of_shape(
+    surface: SolverMesh, stands: Orientation, ends: Mapping[str, NDArray[np.float64]]
+) -> tuple[Orientation, Limbs]:
+    """Return the limbs of a shape, and how it stands: if it has no legs, another way in which it is a whole person."""
+
+    def limbs(up: str, front: str) -> Limbs:
+        upward, forward = unit_vector(up), unit_vector(front)
+        return find_limbs(surface, np.array([np.cross(upward, forward), upward, forward]), ends)
+
+    found = limbs(stands.up, stands.front)
+    if ends or any(is_leg(chain.name) for chain in found.chains):
+        return stands, found
+    for up, front, chance in stands.others[:MAX_OTHER_WAYS]:
+        is_tried = up in orientation.FILE_UPS and chance >= MIN_WAY_PROBABILITY
+        other = limbs(up, front) if is_tried else Limbs(())
+        if is_person(other.points, unit_vector(up)) and not other.notes:
+            before = (stands.up, stands.front, stands.confidence)
+            return replace(orientation.propose(surface, up, front), others=(before,)), other
+    return stands, found
 
 
 def _limbs(
-    rig: RigBody | None,
-    surface: SolverMesh,
-    standing: CharacterTable,
-    ends: Mapping[str, NDArray[np.float64]],
-    notes: list[str],
+    rig: RigBody | None, shape: Limbs | None, surface: SolverMesh, standing: CharacterTable, notes: list[str]
 ) -> Limbs:
-    """Return the limbs of the file's skeleton if its names are known, else those of the shape; add to the notes."""
+    """Return the limbs of the file's skeleton if it has any, else those of the shape; add to the notes."""
     if rig is not None:
         notes += rig.limbs.notes
         if limb_tables(rig.limbs, standing):
             return rig.limbs
-    shape = find_limbs(surface, standing.basis, ends)
+    shape = shape or find_limbs(surface, standing.basis)
     notes += shape.notes
     return shape
 

@@ -60,12 +60,15 @@ class Orientation:
         Probability from 0 to 1 of both axes, by the shape alone.
     reasons : tuple of 2 str
         What was detected or assumed for up and front, for a person to read.
+    others : tuple of (str, str, float)
+        Other ups and fronts, and their probabilities by the shape alone, the likeliest first.
     """
 
     up: str
     front: str
     confidence: float
     reasons: tuple[str, ...]
+    others: tuple[tuple[str, str, float], ...] = ()
 
 
 def propose(
@@ -103,7 +106,10 @@ def propose(
         f"{up} looks like up: {_posture(up, front)}" if up_is_clear else f"up is {unclear} {up}",
         f"{front} looks like the front" if front_is_clear else f"the front is {unclear} {front}",
     )
-    return Orientation(up, front, chances[up, front] / sum(chances.values()), reasons)
+    total = sum(chances.values())
+    others = sorted(((*axes, chance / total) for axes, chance in chances.items()), key=lambda each: -each[2])
+    others = [each for each in others if each[:2] != (up, front)]
+    return Orientation(up, front, chances[up, front] / total, reasons, tuple(others))
 
 
 def _choose(chances: dict[str, float], sure: float, nearly: float, convention: str | None) -> tuple[str, bool]:

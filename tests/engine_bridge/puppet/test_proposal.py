@@ -1,8 +1,10 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from engine_bridge.character.character import make_character
+from engine_bridge.character.character import load_character, make_character
 from engine_bridge.puppet import proposal
 from engine_bridge.puppet.proposal import new_puppet
 from engine_bridge.puppet.size import propose_scale
@@ -75,7 +77,7 @@ LEG = tuple((f"{joint}_left",) for joint in ("hip", "knee", "ankle", "foot"))
 def test_a_mesh_without_limbs_gets_handles(make_shape, tmp_path):
     ball = make_shape([((0.0, 0.0, 0.0), (0.0, 1e-6, 0.0), 1.0)], 0.2)
     make_character("ball", ball.vertices.astype(float), ball.faces).document.save(tmp_path / "ball.glb")
-    made = new_puppet(tmp_path / "ball.glb", tmp_path / "a.toml")
+    made = new_puppet(tmp_path / "ball.glb", tmp_path / "a.toml", up="y", front="z")
     assert made.puppet.limb == ()
     assert [handle.name for handle in made.puppet.handle] == ["head", "left hand", "right hand", "base"]
     assert [note.split(".")[0] for note in made.notes] == ["No legs were found", "No arms were found"]
@@ -153,6 +155,20 @@ def test_how_it_stands_is_proposed_by_its_shape_and_said_unless_it_is_given(blob
     assert new_puppet(blob_file, tmp_path / "a.toml", up="z", front="x", scale=2.0).assumed == ()
 
 
+def test_a_shape_without_legs_is_stood_up_if_it_is_a_person_then(blob_file, tmp_path, monkeypatch):
+    propose, find = orientation.propose, proposal.find_limbs
+    lies = replace(propose(load_character(blob_file).solver_mesh()), up="z", front="y", confidence=0.9)
+    lies = replace(lies, others=(("-y", "z", 0.05), ("y", "z", 0.04)))
+    monkeypatch.setattr(orientation, "propose", lambda mesh, *known, **_: propose(mesh, *known) if all(known) else lies)
+    monkeypatch.setattr(
+        proposal, "find_limbs", lambda *arguments: find(*arguments) if arguments[1][1, 1] else Limbs(())
+    )
+    made = new_puppet(blob_file, tmp_path / "a.toml")
+    assert (made.puppet.character.up, made.puppet.character.front) == ("y", "z")
+    assert {limb.name for limb in made.puppet.limb} == PERSON.keys()
+    assert "--up z --front y" in made.notes[0]
+
+
 @pytest.mark.parametrize(("away", "feet"), [(0.0, ["left foot"]), (50.0, ["left foot", "right foot"])])
 def test_limbs_that_overlap_or_leave_the_mesh_are_replaced_by_handles(blob_file, tmp_path, monkeypatch, away, feet):
     leg = points("0 1 0, 0 0.5 0, 0 0.1 0, 0 0 0.1")
@@ -160,8 +176,8 @@ def test_limbs_that_overlap_or_leave_the_mesh_are_replaced_by_handles(blob_file,
     named = {"trunk": trunk, "head": trunk[::2] + np.array([0, 0.4, 0]), "left leg": leg, "right leg": other}
     limbs = Limbs(tuple(LimbChain(name, each) for name, each in named.items()))
     monkeypatch.setattr(proposal, "find_limbs", lambda *_: limbs)
-    made = new_puppet(blob_file, tmp_path / "a.toml")
-    assert made.puppet == new_puppet(blob_file, tmp_path / "a.toml", limbs=False).puppet
+    made = new_puppet(blob_file, tmp_path / "a.toml", up="y", front="z")
+    assert made.puppet == new_puppet(blob_file, tmp_path / "a.toml", up="y", front="z", limbs=False).puppet
     assert [handle.name for handle in made.puppet.handle] == ["head", *feet]
     assert (made.puppet.limb, len(made.notes)) == ((), 1)
 

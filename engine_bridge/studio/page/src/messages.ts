@@ -284,6 +284,7 @@ export interface PuppetCharacter {
   readonly up?: Direction;
   readonly front?: Direction;
   readonly scale?: number;
+  readonly body?: number | null;
 }
 
 export interface Limb {

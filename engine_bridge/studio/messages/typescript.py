@@ -2,9 +2,10 @@
 
     python -m engine_bridge.studio.messages.typescript
 
-writes them to ``page/src/messages.ts``.
+writes them to ``page/src/messages.ts``, and those of puppet and scene files to ``page/src/tables.ts``.
 """
 
+import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import is_dataclass
 from pathlib import Path
@@ -35,13 +36,15 @@ def _optional(table: type[BaseModel]) -> list[str]:
     return [key for key, field in table.model_fields.items() if not field.is_required()]
 
 
-PATH = Path(__file__).parents[1] / "page" / "src" / "messages.ts"
+FOLDER = Path(__file__).parents[1] / "page" / "src"
 
 PUPPET = {each: each.__name__.removesuffix("Table") for each in _tables(puppet)}
 """Classes of a puppet's tables."""
 
 SCENE = {each: f"Film{each.__name__.removesuffix('Table')}" for each in _tables(scene)}
 """Classes of a scene file's tables."""
+
+TABLES = PUPPET.keys() | SCENE.keys()
 
 NAMES: dict[type, str] = {
     State: "ServerState",
@@ -88,10 +91,19 @@ ROOTS: tuple[type, ...] = (
 )
 """Classes of what is sent; those in them follow."""
 
-HEAD = """/** What the server sends: made from the classes of engine_bridge/studio/messages, which describe it. */
+HEADS = {
+    "tables.ts": """/** Tables of puppet and scene files: made from the classes of engine_bridge, which describe them. */
 
 import type { Joint } from "./model/skeleton";
-"""
+""",
+    "messages.ts": """/** What the server sends: made from the classes of engine_bridge/studio/messages, which describe it. */
+
+import type { %s } from "./tables";
+
+export type * from "./tables";
+""",
+}
+"""Beginning of each file."""
 
 ALIASES: dict[str, Any] = {
     "UploadKind": UploadKind,
@@ -114,21 +126,36 @@ NAMED: dict[Any, str] = {
 """Types in the page, by those here."""
 
 
-def text() -> str:
-    """Return the file."""
-    waiting, made = list[type](ROOTS), dict[type, str]()
+def files() -> dict[str, str]:
+    """Return the text of each file by its name."""
+    waiting, bodies, imported = list[type](ROOTS), dict[type, str](), set[str]()
     while waiting:
         each = waiting.pop(0)
-        if each not in made:
+        if each not in bodies:
             used: list[type] = []
             omitted = OMITTED.get(each, ())
             keys = "".join(
                 f"  readonly {key}{'?' * (key in omitted)}: {_type(kind, used)};\n" for key, kind in _keys(each)
             )
-            made[each] = f"\nexport interface {NAMES.get(each, each.__name__)} {{\n{keys}}}\n"
+            bodies[each] = f"\nexport interface {_name(each)} {{\n{keys}}}\n"
+            imported |= set() if each in TABLES else {_name(other) for other in used if other in TABLES}
             waiting += used
-    aliases = [f"\nexport type {name} = {_union(alias)};\n" for name, alias in ALIASES.items()]
-    return HEAD + "".join(aliases) + "".join(made.values())
+    aliases = {name: f"\nexport type {name} = {_union(alias)};\n" for name, alias in ALIASES.items()}
+    tables = "".join([aliases.pop("Direction"), aliases.pop("AxisSet"), *_of(bodies, TABLES)])
+    others = "".join([*aliases.values(), *_of(bodies, bodies.keys() - TABLES)])
+    imported |= {name for name in ("Puppet",) if re.search(rf"\b{name}\b", others)}
+    return {
+        "tables.ts": HEADS["tables.ts"] + tables,
+        "messages.ts": HEADS["messages.ts"] % ", ".join(sorted(imported)) + others,
+    }
+
+
+def _of(bodies: Mapping[type, str], chosen: Collection[type]) -> list[str]:
+    return [body for each, body in bodies.items() if each in chosen]
+
+
+def _name(each: type) -> str:
+    return NAMES.get(each, each.__name__)
 
 
 def _keys(each: type) -> Iterator[tuple[str, Any]]:
@@ -160,7 +187,7 @@ def _type(kind: Any, used: list[type]) -> str:
         return f"readonly ({item})[]" if " " in item else f"readonly {item}[]"
     if is_dataclass(kind) or issubclass(kind, BaseModel):
         used.append(kind)
-        return NAMES.get(kind, kind.__name__)
+        return _name(kind)
     raise TypeError(kind)
 
 
@@ -169,4 +196,5 @@ def _union(names: Any) -> str:
 
 
 if __name__ == "__main__":
-    PATH.write_text(text(), encoding="utf-8")
+    for name, text in files().items():
+        (FOLDER / name).write_text(text, encoding="utf-8")

@@ -92,11 +92,11 @@ ROOTS: tuple[type, ...] = (
 """Classes of what is sent; those in them follow."""
 
 HEADS = {
-    "tables.ts": """/** Tables of puppet and scene files: made from the classes of engine_bridge, which describe them. */
+    "tables.ts": """/** Tables of puppet and scene files, made from the classes of engine_bridge. */
 
 import type { Joint } from "./model/skeleton";
 """,
-    "messages.ts": """/** What the server sends: made from the classes of engine_bridge/studio/messages, which describe it. */
+    "messages.ts": """/** What the server sends, made from the classes of engine_bridge/studio/messages. */
 
 import type { %s } from "./tables";
 

@@ -74,8 +74,13 @@ def test_the_server_of_the_pages_tests_sends_what_the_real_one_does(frames):
             TypeAdapter(REPLIES.get(frame["request"]["do"], dict)).validate_python(frame["result"])
 
 
-def test_the_page_is_small():
-    files = [PAGE / "dist" / "index.html", *(PAGE / "dist" / "assets").iterdir()]
+@pytest.mark.parametrize("page", ["index.html", "screen.html"])
+def test_a_page_is_small(page):
+    of_screen = {"screen.css", "screen.js"}
+    assets = {path.name for path in (PAGE / "dist" / "assets").iterdir()}
+    assert of_screen < assets
+    loaded = of_screen if page == "screen.html" else assets - of_screen
+    files = [PAGE / "dist" / page, *(PAGE / "dist" / "assets" / name for name in loaded)]
     assert 0 < sum(len(gzip.compress(path.read_bytes())) for path in files) <= MAX_PAGE_BYTES
 
 

@@ -1,4 +1,4 @@
-/** What the server sends: made from the classes of engine_bridge/studio/messages, which describe it. */
+/** What the server sends, made from the classes of engine_bridge/studio/messages. */
 
 import type { FilmBackground, FilmBubble, FilmCamera, FilmCharacter, FilmFloor, FilmFormat, FilmLight, FilmMusic, FilmSound, FilmTake, FilmTitle, Puppet } from "./tables";
 

@@ -1,4 +1,4 @@
-/** Tables of puppet and scene files: made from the classes of engine_bridge, which describe them. */
+/** Tables of puppet and scene files, made from the classes of engine_bridge. */
 
 import type { Joint } from "./model/skeleton";
 

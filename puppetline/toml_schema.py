@@ -5,9 +5,9 @@ import tomllib
 import typing
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from puppetline.errors import PuppetlineError, at
@@ -37,6 +37,20 @@ File = TypeVar("File", bound=Table)
 def mistake(*place: str | int, found: str, expected: str, fix: str) -> PydanticCustomError:
     """Return an error for a validator to raise; `place` is relative to the validated value."""
     return PydanticCustomError("mistake", "{fix}", {"place": place, "found": found, "expected": expected, "fix": fix})
+
+
+def _even(size: tuple[int, int]) -> tuple[int, int]:
+    if any(side % 2 or not 16 <= side <= 7680 for side in size):
+        raise mistake(
+            found=f"{size[0]} × {size[1]} pixels",
+            expected="an even width and height from 16 to 7680",
+            fix="Write it like [1280, 720].",
+        )
+    return size
+
+
+FilmSize = Annotated[tuple[int, int], AfterValidator(_even)]
+"""Width and height of a film in pixels, which video codecs require to be even."""
 
 
 def check_distinct(names: Sequence[str], kind: str) -> None:

@@ -5,12 +5,12 @@ from pathlib import Path
 from typing import Annotated, Literal, Self
 
 from PIL import ImageColor
-from pydantic import AfterValidator, BeforeValidator, Field, StrictBool, model_validator
+from pydantic import BeforeValidator, Field, StrictBool, model_validator
 
 from engine_bridge.puppet.puppet import Number, Text
 from puppetline import toml_schema
 from puppetline.errors import PuppetlineError
-from puppetline.toml_schema import Table, check_distinct, mistake
+from puppetline.toml_schema import FilmSize, Table, check_distinct, mistake
 
 MAX_SECONDS = 6 * 3600.0
 """Maximum length of a film, in seconds."""
@@ -73,20 +73,10 @@ Gain = Annotated[Number, Field(ge=-80, le=40)]
 Place = tuple[Number, Number]
 
 
-def _even(size: tuple[int, int]) -> tuple[int, int]:
-    if any(side % 2 or not 16 <= side <= 7680 for side in size):
-        raise mistake(
-            found=f"{size[0]} × {size[1]} pixels",
-            expected="an even width and height from 16 to 7680",
-            fix="Write it like [1280, 720].",
-        )
-    return size
-
-
 class FilmTable(Table):
     """[film]: size in pixels, frames per second, length, by default until the last take ends, and fades to black."""
 
-    size: Annotated[tuple[int, int], AfterValidator(_even)] = (1280, 720)
+    size: FilmSize = (1280, 720)
     fps: Annotated[Number, Field(ge=1, le=120)] = 30.0
     seconds: Annotated[Number, Field(gt=0, le=MAX_SECONDS)] | None = None
     fade_in: Fade = 0.0

@@ -133,9 +133,6 @@ class Service:
         self._bind(endpoints)
         self.takes = Takes(folder / settings.takes)
         self.kiosk: Kiosk | None = None
-        if settings.kiosk is not None:
-            self.kiosk = Kiosk(settings.kiosk, self.takes.folder, self.count_in, self._play_clip, self._jobs)
-            keep.callback(self.kiosk.close)
         self._reporter = Reporter()
         self._looking = Looking(self._jobs, self._answer)
         self.status = self._current_status()
@@ -153,6 +150,9 @@ class Service:
         self._reloading = self._reload_again = False
         self._waiting: list[Deferred] = []
         self._status_at = self._store_at = clock.now()
+        if settings.kiosk is not None:  # last: closing it deletes the clips that it continues
+            self.kiosk = Kiosk(settings.kiosk, self.takes.folder, self.count_in, self._play_clip, self._jobs)
+            keep.callback(self.kiosk.close)
 
     def _bind(self, endpoints: list[Endpoint]) -> None:
         settings, keep = self._settings, self._resources

@@ -1,5 +1,6 @@
 """A visitor's recording: its files, which outlive a service that crashes."""
 
+import re
 import secrets
 from contextlib import suppress
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ import tomlkit
 
 from engine_bridge.service.stages.stage import Stage
 from puppetline import clock
+from puppetline.files import output_errors, written_whole
 
 FOLDER = "visitors"
 """Name of the folder in the folder of takes, in which nothing is kept."""
@@ -19,6 +21,9 @@ CODE_LETTERS, CODE_LENGTH = "ABCDEFGHJKMNPQRSTUVWXYZ23456789", 6
 
 CODE = f"[{CODE_LETTERS}]{{{CODE_LENGTH}}}"
 """Pattern of a code."""
+
+_FILE = re.compile(rf"\.?{CODE}\..+")
+"""Pattern of the names of visitors' files; a file that is not complete begins with a dot."""
 
 SPACING_METRES = 1.6
 """Distance between characters in a film, in metres."""
@@ -57,7 +62,8 @@ class Clip:
         ]
         clip = cls(path, [name for name, _, _ in driven], began)
         folder.mkdir(parents=True, exist_ok=True)
-        clip.scene.write_text(_scene(path.name, driven, size), encoding="utf-8")
+        with written_whole(clip.scene) as beside:
+            beside.write_text(_scene(path.name, driven, size), encoding="utf-8")
         return clip
 
     @property
@@ -75,6 +81,16 @@ class Clip:
         """The film, which appears when it is complete."""
         return self.path.with_suffix(".mp4")
 
+    @property
+    def recorded(self) -> bool:
+        """Whether there is a take."""
+        return self.path.is_file() and self.path.stat().st_size > 0
+
+    @property
+    def complete(self) -> bool:
+        """Whether there are the film and all that goes with it, of which the .gif is the last."""
+        return self.film.is_file() and self.path.with_suffix(".gif").is_file()
+
     def delete(self) -> None:
         """Delete everything, also a film that is not complete."""
         for path in self.path.parent.glob(f"*{self.code}.*"):
@@ -83,19 +99,27 @@ class Clip:
 
 
 def clips_in(folder: Path) -> list[Clip]:
-    """Return the clips that a crashed service has left, in their order; what cannot become a film is deleted."""
-    clips = []
-    now = clock.now()
-    for scene in sorted(folder.glob("*.toml"), key=_changed):
-        clip = Clip(scene.with_suffix(".log"), [], now)
-        if clip.film.is_file():
-            clip.offered = now - max(0.0, clock.wall() - _changed(clip.film))
-        if clip.offered is not None or (clip.path.is_file() and clip.path.stat().st_size):
-            clips.append(clip)
-    kept = {clip.code for clip in clips}
-    for path in folder.glob("*"):
-        if path.stem not in kept:
-            path.unlink()
+    """Return the clips that a crashed service has left, in their order; what cannot become a film is deleted.
+
+    Raises
+    ------
+    OutputError
+        A file cannot be read or deleted.
+    """
+    with output_errors(folder):
+        files = [path for path in folder.glob("*") if _FILE.fullmatch(path.name) and path.is_file()]
+        now = clock.now()
+        clips = []
+        for scene in sorted((path for path in files if re.fullmatch(rf"{CODE}\.toml", path.name)), key=_changed):
+            clip = Clip(scene.with_suffix(".log"), [], now)
+            if clip.complete:
+                clip.offered = now - max(0.0, clock.wall() - _changed(clip.film))
+            if clip.complete or clip.recorded:
+                clips.append(clip)
+        kept = {clip.code for clip in clips}
+        for path in files:
+            if path.name.partition(".")[0] not in kept:
+                path.unlink()
     return clips
 
 

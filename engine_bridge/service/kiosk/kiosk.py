@@ -29,6 +29,9 @@ LOW_PRIORITY = 10
 MAX_ATTEMPTS = 3
 """How often a film is begun whose process is killed, for example because the memory is full."""
 
+NOT_STARTED = -1
+"""Exit code of a process that the system refuses to start; like a killed one, it is started again."""
+
 LEAST_FREE_BYTES = 200_000_000
 """Free space on the disk below which the oldest films are deleted: a minute's take, sound and film need less."""
 
@@ -92,12 +95,16 @@ class Kiosk:
     def advance(self, runners: list[StageRunner]) -> None:
         """Begin and end recordings, and delete what is over."""
         now = clock.now()
-        for runner in runners:
+        removed = self._recorded.keys() - set(runners)  # by a reload, which has ended their takes
+        self._hands = {runner: self._hands[runner] for runner in runners if runner in self._hands}
+        for runner in [*runners, *removed]:
+            if self._count_in.left(runner):
+                continue
             clip = self._recorded.get(runner)
             asked = runner in self._asked
-            if clip is None and asked and not self._count_in.left(runner) and runner.recording is None:
+            if clip is None and asked and runner.recording is None:
                 self._begin(runner)
-            elif clip is not None and now >= clip.began and self._over(runner, clip, asked, now):
+            elif clip is not None and self._over(runner, clip, asked, now):
                 del self._recorded[runner]
                 self._stop(runner, clip)
         self._asked.clear()
@@ -120,31 +127,36 @@ class Kiosk:
         try:
             self._make_room()
             clip = Clip.begin(self._folder, runner.stage, self._table.size, clock.now() + seconds)
-            self._count_in.start(runner, clip.path, seconds)
+            try:
+                self._count_in.start(runner, clip.path, seconds)
+            except PuppetlineError:
+                clip.delete()
+                raise
         except (OSError, PuppetlineError) as error:
             log.error("the visitor's recording cannot begin: %s", error, extra=fields(stage=runner.stage.name))
         else:
             self._recorded[runner] = clip
 
     def _over(self, runner: StageRunner, clip: Clip, asked: bool, now: float) -> bool:
-        """Return whether a recording ends: by the gesture, after the longest time, or because the performers left."""
+        """Return whether a recording ends: by the gesture, by time, without performers, or as a reload ended it."""
         left = all(player.user is None for player in runner.stage.players)
-        return asked or left or now >= clip.began + self._table.longest
+        return runner.recording != clip.code or asked or left or now >= clip.began + self._table.longest
 
     def _stop(self, runner: StageRunner, clip: Clip) -> None:
         """End a recording, show it again, and make a film of it."""
-        recorder = runner.stop_recording()
-        if recorder is None:  # it could not begin
-            clip.delete()
-            return
+        recorder = runner.stop_recording() if runner.recording == clip.code else None
         self._clips.append(clip)
 
         def closed(_: object) -> None:
+            if not clip.recorded:
+                self._delete(clip)
+                return
             for name in clip.characters:
                 self._play(name, clip.path)
             self._film(clip)
 
-        self._jobs.start(self._jobs.writing, recorder.close, closed)
+        close = (lambda: None) if recorder is None else recorder.close  # what was ended elsewhere is written before
+        self._jobs.start(self._jobs.writing, close, closed)
 
     def _film(self, clip: Clip) -> None:
         """Make the film of a clip whose take is on the disk, and offer it."""
@@ -153,20 +165,30 @@ class Kiosk:
         self._jobs.start(self._jobs.filming, lambda: self._make(clip), lambda made: self._made(clip, made.result()))
 
     def _make(self, clip: Clip) -> int:
-        command = [sys.executable, "-P", "-m", "puppetline", "film", str(clip.scene), "-o", str(clip.film), "--share"]
-        outputs: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
-        self._process = subprocess.Popen([*command, "--force"], **outputs, **bound_to_parent())  # noqa: S603
-        if sys.platform != "win32":
-            os.setpriority(os.PRIO_PROCESS, self._process.pid, LOW_PRIORITY)
-        assert self._process.stderr is not None  # noqa: S101 - a pipe was asked for
-        told = self._process.stderr.read()  # `communicate` would close the standard input
-        code = self._process.wait()
+        """Make a film; return the exit code of the process."""
+        try:
+            code, errors = self._run(clip)
+        except OSError as error:
+            code, errors = NOT_STARTED, str(error)
         if code and not self._closed:
-            log.error("the visitor's film cannot be made: %s", told.decode(errors="replace").strip()[-500:] or code)
+            log.error("the visitor's film cannot be made: %s", errors.strip()[-500:] or code)
         return code
 
+    def _run(self, clip: Clip) -> tuple[int, str]:
+        """Run the process that makes a film; return its exit code and its errors."""
+        command = [sys.executable, "-P", "-m", "puppetline", "film", str(clip.scene), "-o", str(clip.film), "--share"]
+        outputs: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
+        process = self._process = subprocess.Popen([*command, "--force"], **outputs, **bound_to_parent())  # noqa: S603
+        if self._closed:  # meanwhile
+            process.kill()
+        if sys.platform != "win32":
+            os.setpriority(os.PRIO_PROCESS, process.pid, LOW_PRIORITY)
+        assert process.stderr is not None  # noqa: S101 - a pipe was asked for
+        errors = process.stderr.read()  # `communicate` would close the standard input
+        return process.wait(), errors.decode(errors="replace")
+
     def _made(self, clip: Clip, code: int) -> None:
-        if code < 0 and clip.attempts < MAX_ATTEMPTS:  # killed
+        if code < 0 and clip.attempts < MAX_ATTEMPTS:  # killed, or not started
             self._film(clip)
         elif code:
             self._delete(clip)

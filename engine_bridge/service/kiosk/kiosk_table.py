@@ -6,7 +6,7 @@ from typing import Annotated
 from pydantic import Field, FiniteFloat, model_validator
 
 from engine_bridge.service.security.endpoints import Text
-from puppetline.toml_schema import Table, mistake
+from puppetline.toml_schema import FilmSize, Table, mistake
 
 LANGUAGES = ("en", "de", "es", "fr", "it", "nl")
 """Languages in which the screen has texts of its own."""
@@ -36,7 +36,7 @@ class ScreenTable(Table):
     title, logo : str or None
         Text and image file at the top.
     film : str or None
-        .mp4 or .webm that plays in a loop while nobody is in view; without it, the character plays its `idle`.
+        .mp4 or .webm that plays in a loop while no performer is in view; without it, the character plays its `idle`.
     background, color, accent : str
         Colours of the ground, of texts and of what matters, such as ``"#101828"``.
     languages : tuple of str
@@ -80,7 +80,7 @@ class KioskTable(Table):
     count_in : int
         Seconds from the gesture to the recording.
     longest : float
-        Seconds after which a recording ends by itself.
+        Seconds after which a recording ends without the gesture.
     minutes : float
         Minutes after which a visitor's take, sound and film are deleted.
     size : (int, int)
@@ -96,7 +96,7 @@ class KioskTable(Table):
     count_in: Annotated[int, Field(strict=True, ge=0, le=10)] = 3
     longest: Annotated[FiniteFloat, Field(strict=True, ge=1, le=600)] = 60.0
     minutes: Annotated[FiniteFloat, Field(strict=True, gt=0, le=1440)] = 10.0
-    size: tuple[int, int] = (1280, 720)
+    size: FilmSize = (1280, 720)
     phone_port: Annotated[int, Field(strict=True, ge=0, le=65535)] = 7481
     phone_address: Text | None = None
     screen: ScreenTable = ScreenTable()

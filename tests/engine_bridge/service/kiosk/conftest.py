@@ -44,10 +44,11 @@ def films(monkeypatch):
         made.append(clip.scene)
         code = codes.pop(0) if codes else 0
         if not code:
-            clip.film.write_bytes(b"film" * 250)
-        return code
+            for path in (clip.film, clip.path.with_suffix(".gif")):
+                path.write_bytes(b"film" * 250)
+        return code, ""
 
-    monkeypatch.setattr(Kiosk, "_make", make)
+    monkeypatch.setattr(Kiosk, "_run", make)
     return made, codes
 
 

@@ -1,31 +1,35 @@
 """Visitors record themselves by a gesture; nothing of it is kept, and nothing of it is lost before its time."""
 
+import errno
+import gc
 import math
 import os
 import shutil
 import tomllib
+from pathlib import Path
 from types import SimpleNamespace
 
 import psutil
 import pytest
 
 from engine_bridge.film.scene import Scene
-from engine_bridge.service.kiosk.kiosk import LEAST_FREE_BYTES, MAX_ATTEMPTS
+from engine_bridge.service.kiosk.clip import Clip, clips_in
+from engine_bridge.service.kiosk.kiosk import LEAST_FREE_BYTES, MAX_ATTEMPTS, Kiosk
 from engine_bridge.service.stages.stage import StageSettings
 from puppetline import clock, toml_schema
-from puppetline.errors import ServiceError
+from puppetline.errors import OutputError, ServiceError
 
 
 def crash(theatre):
     """End a service without the cleaning up of its kiosk."""
-    theatre.service.kiosk.close = lambda: None
-    theatre.service._resources.pop_all()
-    for runner in theatre.service.runners:
-        runner.close()
+    service = theatre.service
+    service.kiosk._clips, service.kiosk._recorded = [], {}
+    service.count_in.cancel = lambda _: None
+    service.close()
 
 
 def test_hands_up_begin_and_end_a_recording_and_the_film_is_offered_and_deleted(open_kiosk, visitors, films):
-    (visitors / "ABCDE.gif").touch()  # of no clip
+    (visitors / "ABCDEF.gif").touch()  # of no clip
     made, _ = films
     theatre = open_kiosk()
     kiosk = theatre.service.kiosk
@@ -109,18 +113,108 @@ def test_the_oldest_film_goes_first_if_the_disk_is_full(visit, visitors, films, 
 def test_a_week_of_visitors_leaves_nothing_behind(visit, visitors, films, given_clock):
     """Of 500 visitors, one every twenty minutes, the last one's film is there; an hour later it is not."""
     process = psutil.Process()
-    kiosk = visit(20, every=1200.0)
-    files, memory = process.num_fds(), process.memory_info().rss
-    visit(500, every=1200.0, kiosk=kiosk)
-    assert len(films[0]) == 520
+    kiosk = visit(500, every=1200.0)
+    assert len(films[0]) == 500
     assert [each.code for each in kiosk.clips] == [films[0][-1].stem]
-    assert len(list(visitors.iterdir())) == 3
-    assert process.num_fds() == files
-    assert process.memory_info().rss < memory + 5e6
+    assert {path.stem for path in visitors.iterdir()} == {films[0][-1].stem}
     given_clock.advance(3600.0)
     kiosk.advance([])
     assert list(visitors.iterdir()) == []
     assert kiosk.due() == math.inf
+    assert not [each for each in gc.get_objects() if type(each) is Clip]
+    assert not [each for each in process.open_files() if Path(each.path).parent == visitors]
+
+
+def test_a_service_that_cannot_start_keeps_the_clips_of_a_crashed_one(open_kiosk, visitors, films, monkeypatch):
+    theatre = open_kiosk()
+    theatre.run(10.5)
+    crash(theatre)
+    before = {path.name for path in visitors.iterdir()}
+
+    def fail():
+        raise ServiceError("here", found="a fault", expected="none", fix="Mend it.")
+
+    monkeypatch.setattr("engine_bridge.service.service.Notifier", fail)
+    with pytest.raises(ServiceError):
+        open_kiosk()
+    assert {path.name for path in visitors.iterdir()} == before
+
+
+def test_a_reload_that_removes_the_stage_ends_the_recording_and_its_film_is_made(open_kiosk, visitors, films):
+    theatre = open_kiosk()
+    theatre.run(5.4)
+    code, service = theatre.runner.recording, theatre.service
+    service._replace_runners([])
+    for _ in range(3):
+        service.kiosk.advance(service.runners)
+        service._finish_jobs()
+    assert [path.stem for path in films[0]] == [code]
+    assert [each.code for each in service.kiosk.clips] == [code]
+    assert clock.now() < service.kiosk.due() < math.inf
+    assert not service.kiosk._hands
+
+
+def test_a_recording_that_a_reload_ended_is_filmed_and_another_take_goes_on(open_kiosk, visitors, films, tmp_path):
+    theatre = open_kiosk()
+    theatre.run(5.4)
+    code = theatre.runner.recording
+    theatre.service._end_take(theatre.runner)
+    theatre.runner.start_recording(tmp_path / "other.log")
+    theatre.run(0.3)
+    assert [path.stem for path in films[0]] == [code]
+    assert theatre.runner.recording == "other"
+
+
+def test_a_cancelled_count_in_leaves_nothing(open_kiosk, visitors, films):
+    theatre = open_kiosk()
+    theatre.run(4.6)
+    assert theatre.service.count_in.cancel(theatre.runner)
+    theatre.run(0.3)
+    assert theatre.service.kiosk.clips == films[0] == list(visitors.iterdir()) == []
+
+
+def test_a_recording_that_is_refused_leaves_nothing(open_kiosk, visitors, films, caplog):
+    theatre = open_kiosk()
+
+    def refuse(*_):
+        raise ServiceError("here", found="a fault", expected="none", fix="Mend it.")
+
+    theatre.service.count_in.start = refuse
+    theatre.run(4.6)
+    assert "the visitor's recording cannot begin" in caplog.text
+    assert list(visitors.iterdir()) == []
+
+
+def test_a_film_whose_process_cannot_start_is_given_up(visit, visitors, monkeypatch, caplog):
+    started = []
+
+    def refuse(_, clip):
+        started.append(clip)
+        raise OSError(errno.ENOMEM, "no memory")
+
+    monkeypatch.setattr(Kiosk, "_run", refuse)
+    assert visit(1).clips == []
+    assert len(started) == caplog.text.count("no memory") == MAX_ATTEMPTS
+    assert list(visitors.iterdir()) == []
+
+
+def test_recovery_deletes_only_files_of_visitors(visitors):
+    kept = ["AAAAAA.toml", "AAAAAA.log", "BBBBBB.toml", "BBBBBB.log", "BBBBBB.mp4", "BBBBBB.gif"]
+    deleted = ["CCCCCC.toml", "DDDDDD.log", ".AAAAAA.12.mp4", "EEEEEE.mp4"]
+    others = ["notes.txt", "a film.mp4", "scene.toml"]
+    for name in (*kept, *deleted, *others):
+        (visitors / name).write_bytes(b"content")
+    (visitors / "FFFFFF.d").mkdir()
+    clips = clips_in(visitors)
+    assert {clip.code: clip.offered is not None for clip in clips} == {"AAAAAA": False, "BBBBBB": True}
+    assert {path.name for path in visitors.iterdir()} == {*kept, *others, "FFFFFF.d"}
+
+
+def test_recovery_reports_a_file_that_cannot_be_deleted(visitors, monkeypatch):
+    (visitors / "CCCCCC.log").touch()
+    monkeypatch.setattr(Path, "unlink", lambda _: (_ for _ in ()).throw(PermissionError(errno.EPERM, "not yours")))
+    with pytest.raises(OutputError, match="not yours"):
+        clips_in(visitors)
 
 
 def test_who_steps_back_ends_the_turn_and_comes_nearer_to_begin_another(make_stage, kung_fu, moved):

@@ -55,7 +55,7 @@ class VisitorsKiosk:
 
     @property
     def branding(self) -> dict[str, Path]:
-        """The files of the screen by what they are: the logo and the film for nobody in view."""
+        """The files of the screen by what they are: the logo and the film for when no performer is in view."""
         screen = self.table.screen
         given = {"logo": screen.logo, "film": screen.film}
         return {kind: self.folder / name for kind, name in given.items() if name is not None}

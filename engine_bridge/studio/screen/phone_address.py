@@ -18,7 +18,7 @@ def phone_address(given: str | None, port: int) -> str | None:
     Parameters
     ----------
     given : str or None
-        Address in the settings; it goes before what is found.
+        Address in the settings; it takes precedence.
     port : int
 
     Returns

@@ -1,4 +1,4 @@
-"""The paths of visitors' films, for screens and phones: whoever knows the code of a film may see it."""
+"""The paths of visitors' films, for screens and phones: the code of a film is all that it takes to see it."""
 
 from functools import partial
 from pathlib import Path

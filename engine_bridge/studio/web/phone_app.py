@@ -1,7 +1,6 @@
 """The web server for visitors' phones: a page with a film, to play, save and share. It has nothing else to reach."""
 
 import asyncio
-import contextlib
 import logging
 import re
 import socket
@@ -11,12 +10,15 @@ from aiohttp import web
 from engine_bridge.service.kiosk.clip import CODE
 from engine_bridge.studio.screen.kiosk import VisitorsKiosk
 from engine_bridge.studio.web.film_routes import add_films
+from engine_bridge.studio.web.phone_connections import REQUEST_SECONDS, limited
 
 RETRY_SECONDS = 1.0
 """Time until the port is tried again, in seconds; a service that has just been killed may still have it."""
 
 HEADERS = {
-    "Content-Security-Policy": "default-src 'self'; object-src 'none'; base-uri 'none'; frame-ancestors 'none'",
+    "Content-Security-Policy": (
+        "default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; frame-ancestors 'none'"
+    ),
     "Referrer-Policy": "no-referrer",
     "X-Content-Type-Options": "nosniff",
     "Cache-Control": "no-store",
@@ -88,11 +90,15 @@ def make_phone_app(kiosk: VisitorsKiosk) -> web.Application:
 
 async def serve_phones(kiosk: VisitorsKiosk) -> None:
     """Serve phones on all addresses of this machine, until cancelled."""
-    runner = web.AppRunner(make_phone_app(kiosk), access_log=None, shutdown_timeout=1.0)
+    runner = web.AppRunner(
+        make_phone_app(kiosk), access_log=None, shutdown_timeout=1.0, keepalive_timeout=REQUEST_SECONDS
+    )
     await runner.setup()
+    assert runner.server is not None  # noqa: S101 - it is set up
     try:
-        await web.SockSite(runner, await _bound(kiosk.table.phone_port)).start()
-        await asyncio.Event().wait()
+        listener = await _bound(kiosk.table.phone_port)
+        async with await asyncio.get_running_loop().create_server(limited(runner.server), sock=listener) as server:
+            await server.serve_forever()
     finally:
         await runner.cleanup()
 
@@ -100,11 +106,12 @@ async def serve_phones(kiosk: VisitorsKiosk) -> None:
 async def _bound(port: int) -> socket.socket:
     logged = False
     while True:
-        with contextlib.suppress(OSError):
+        try:
             return socket.create_server(("", port))
-        if not logged:
-            log.warning("phones cannot get films: another program uses the port %d", port)
-            logged = True
+        except OSError as error:
+            if not logged:
+                log.warning("phones cannot get films at port %d: %s", port, error.strerror)
+                logged = True
         await asyncio.sleep(RETRY_SECONDS)
 
 

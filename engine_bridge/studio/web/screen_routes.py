@@ -68,7 +68,7 @@ class ScreenRoutes:
         return sent(self._models().get(request.match_info["name"]))
 
     async def file(self, request: web.Request) -> web.StreamResponse:
-        """Send the logo or the film, which everybody may see."""
+        """Send the logo or the film, which requires no key."""
         return sent(_of(self._kiosk).branding.get(request.match_info["name"]))
 
     async def qr_code(self, request: web.Request) -> web.StreamResponse:

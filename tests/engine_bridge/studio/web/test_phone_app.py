@@ -64,6 +64,7 @@ def test_the_page_of_a_code_plays_and_saves_its_film_and_nothing_else_can_be_rea
     assert "<b>" not in wrong[2]
     assert (film[0], film[2], film[1]["Content-Type"]) == (200, f"{CODE}.mp4", "video/mp4")
     assert {status for status, _, _ in others} == {404}
+    assert "img-src 'self' data:" in known[1]["Content-Security-Policy"]
     assert all(
         headers["Content-Security-Policy"].startswith("default-src 'self'") for _, headers, _ in (known, *others)
     )
@@ -110,7 +111,7 @@ def split(path):
     yield part
 
 
-def test_a_port_that_is_in_use_is_tried_again(kiosk, free_port, monkeypatch):
+def test_a_port_that_is_in_use_is_tried_again(kiosk, free_port, monkeypatch, caplog):
     monkeypatch.setattr("engine_bridge.studio.web.phone_app.RETRY_SECONDS", 0.01)
     port = free_port()
     own = VisitorsKiosk(KioskTable(phone_port=port), kiosk.folder, kiosk.visitors, {})
@@ -118,7 +119,8 @@ def test_a_port_that_is_in_use_is_tried_again(kiosk, free_port, monkeypatch):
     async def run():
         with socket.create_server(("", port)):
             serving = asyncio.create_task(serve_phones(own))
-            await asyncio.sleep(0.05)
+            while "phones cannot get films" not in caplog.text:
+                await asyncio.sleep(0.01)
         while True:
             try:
                 _, writer = await asyncio.open_connection("127.0.0.1", port)

@@ -400,6 +400,13 @@ class Studio(Backend):
         kind: Literal["upload", "take"] = "take" if asked.upload is None else "upload"
         if asked.upload is not None and self.workspace.upload(asked.upload).kind == "video":
             video = self.workspace.upload(asked.upload)
+            if asked.start is not None or asked.stop is not None:
+                raise ServiceError(
+                    video.name,
+                    found="start or stop with a video",
+                    expected="a video as a whole",
+                    fix="Trim the video, or omit start and stop.",
+                )
             return chosen_source.video(video.path, video.name, asked.loop)
         name = self.workspace.upload(asked.upload, "log").name if asked.upload is not None else str(asked.take)
         path = await self._recording(asked.take, asked.upload, None)

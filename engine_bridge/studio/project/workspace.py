@@ -32,10 +32,10 @@ MAX_UPLOAD_BYTES = 256_000_000
 """Maximum size of an upload in bytes."""
 
 MAX_UPLOADS = 64
-"""Maximum number of uploads that are kept."""
+"""Maximum number of uploads that are kept, together with the sounds and pictures of films."""
 
 MAX_TOTAL_BYTES = 2_000_000_000
-"""Maximum size of all uploads in bytes."""
+"""Maximum size of all uploads in bytes, together with the sounds and pictures of films."""
 
 MAX_EXPORTS = 32
 """Maximum number of files to download that are kept; the oldest are deleted."""
@@ -157,14 +157,15 @@ class Workspace:
             The file is too large, or there are too many uploads; nothing of it is kept.
         OutputError
         """
-        if len(self.uploads) + self._pending >= MAX_UPLOADS:
+        kept = [*(each.path for each in self.uploads.values()), *(self.folder / "media").iterdir()]
+        if len(kept) + self._pending >= MAX_UPLOADS:
             raise UploadError(
                 name,
                 found=f"{MAX_UPLOADS} uploads",
                 expected="fewer uploads",
-                fix="Delete uploads that you no longer need.",
+                fix="Delete uploads that you no longer need, or files in the folder media of the studio's folder.",
             )
-        room = min(MAX_UPLOAD_BYTES, MAX_TOTAL_BYTES - sum(each.path.stat().st_size for each in self.uploads.values()))
+        room = min(MAX_UPLOAD_BYTES, MAX_TOTAL_BYTES - sum(each.stat().st_size for each in kept))
         if size is not None and size > room:
             raise _too_large(name, room)
         path = self.folder / "uploads" / new_id() / file_name(name)
@@ -312,5 +313,5 @@ def _too_large(name: str, room: int) -> UploadError:
         shown(name),
         found="a larger file",
         expected=f"at most {room / 1e6:,.0f} MB",
-        fix="Reduce the file, or delete uploads that you no longer need.",
+        fix="Reduce the file, or delete uploads or files in media that you no longer need.",
     )

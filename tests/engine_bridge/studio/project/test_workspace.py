@@ -87,10 +87,15 @@ def test_an_upload_that_is_too_large_or_breaks_off_leaves_nothing(workspace, mon
     assert receive(workspace, "a.obj", b"1234567890").read_bytes() == b"1234567890"
 
 
-def test_all_uploads_together_are_bounded(workspace, monkeypatch):
+@pytest.mark.parametrize("keep", ["upload", "media"])
+def test_all_uploads_together_are_bounded(workspace, monkeypatch, keep):
     monkeypatch.setattr(module, "MAX_TOTAL_BYTES", 10)
     monkeypatch.setattr(module, "MAX_UPLOADS", 2)
-    workspace.keep("a", receive(workspace, "a", b"12345678"), "log", {})
+    path = receive(workspace, "a", b"12345678")
+    if keep == "upload":
+        workspace.keep("a", path, "log", {})
+    else:
+        workspace.keep_media(path)
     assert found_by(UploadError, receive, workspace, "b", b"123") == "a larger file"
     workspace.keep("b", receive(workspace, "b", b"12"), "log", {})
     assert found_by(UploadError, receive, workspace, "c", b"") == "2 uploads"

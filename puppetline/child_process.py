@@ -1,5 +1,6 @@
 """Child processes that end with the process that started them, however that ends."""
 
+import logging
 import os
 import signal
 import subprocess
@@ -18,8 +19,13 @@ VARIABLE = "PUPPETLINE_ENDS_WITH_INPUT"
 MIN_RETRY_SECONDS, MAX_RETRY_SECONDS = 0.25, 8.0
 """Shortest and longest time until a process that has ended is started again; it doubles while it ends soon."""
 
+MAX_FAILURES = 20
+"""How often in succession a process may end soon after its start, which takes more than two minutes."""
+
 END_SECONDS = 10.0
-"""Time that a process has to end by itself, in seconds."""
+"""Time that a process has to end when it is asked to, in seconds; then it is ended."""
+
+log = logging.getLogger(__name__)
 
 
 def bound_to_parent(environment: Mapping[str, str] = os.environ) -> dict[str, Any]:
@@ -32,7 +38,10 @@ def bound_to_parent(environment: Mapping[str, str] = os.environ) -> dict[str, An
 
 @contextmanager
 def kept_running(command: Sequence[str], environment: Mapping[str, str] = os.environ) -> Iterator[None]:
-    """Run a command that writes to this process's outputs until the block ends; start it again whenever it ends."""
+    """Run a command that writes to this process's outputs until the block ends; start it again when it ends.
+
+    After `MAX_FAILURES` starts that fail soon, it is not started again.
+    """
     changing, over = threading.Lock(), threading.Event()
 
     def start() -> subprocess.Popen[bytes]:
@@ -40,16 +49,20 @@ def kept_running(command: Sequence[str], environment: Mapping[str, str] = os.env
         return subprocess.Popen(command, stdout=sys.stdout, stderr=sys.stderr, **bound)  # noqa: S603
 
     def keep() -> None:
-        pause = MIN_RETRY_SECONDS
-        while True:
+        failures = 0
+        while failures < MAX_FAILURES:
             began = clock.now()
-            running[0].wait()
-            pause = MIN_RETRY_SECONDS if clock.now() - began > MAX_RETRY_SECONDS else min(2 * pause, MAX_RETRY_SECONDS)
-            over.wait(pause)
+            running[0].wait()  # returns immediately while the process cannot be started
+            failures = 0 if clock.now() - began > MAX_RETRY_SECONDS else failures + 1
+            over.wait(min(MIN_RETRY_SECONDS * 2**failures, MAX_RETRY_SECONDS))
             with changing:
                 if over.is_set():
                     return
-                running[0] = start()
+                try:
+                    running[0] = start()
+                except OSError as error:
+                    log.warning("a process cannot be started: %s", error)
+        log.error("a process is not started again: it has ended %d times soon after its start", failures)
 
     running = [start()]
     keeper = threading.Thread(target=keep, daemon=True)

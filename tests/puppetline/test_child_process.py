@@ -7,6 +7,7 @@ import sys
 import psutil
 import pytest
 
+from puppetline import child_process
 from puppetline.child_process import VARIABLE, kept_running
 
 from ..commands import TIMEOUT_SECONDS
@@ -61,6 +62,32 @@ def test_a_child_that_is_kept_running_is_started_again_until_the_end(tmp_path):
         assert started[-1].is_running()
     assert not psutil.wait_procs(started, TIMEOUT_SECONDS)[1]
     assert new() == []
+
+
+def test_a_child_that_cannot_be_started_again_is_tried_until_it_can(tmp_path, caplog):
+    program, pids = tmp_path / "program", tmp_path / "pids"
+    script = f"import os; open({str(pids)!r}, 'a').write(f'{{os.getpid()}} '); input()"
+
+    def started(count):
+        return pids.exists() and len(pids.read_text().split()) == count and pids.read_text().endswith(" ")
+
+    program.symlink_to(sys.executable)
+    with kept_running([str(program), "-c", script]):
+        wait_until(lambda: started(1))
+        program.unlink()
+        psutil.Process(int(pids.read_text())).kill()
+        wait_until(lambda: "cannot be started" in caplog.text)
+        program.symlink_to(sys.executable)
+        wait_until(lambda: started(2))
+
+
+def test_a_child_that_always_ends_is_given_up(tmp_path, monkeypatch, caplog):
+    monkeypatch.setattr(child_process, "MIN_RETRY_SECONDS", 0.0)
+    monkeypatch.setattr(child_process, "MAX_FAILURES", 3)
+    path = tmp_path / "started"
+    with kept_running([sys.executable, "-c", f"open({str(path)!r}, 'a').write('x')"]):
+        wait_until(lambda: "not started again" in caplog.text)
+    assert len(path.read_text()) in (3, 4)
 
 
 def test_a_process_that_nobody_bound_does_not_read_its_input():

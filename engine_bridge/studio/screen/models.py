@@ -45,19 +45,31 @@ class Models:
     async def _make(self) -> None:
         for name, puppet in self._puppets.items():
             path = self._folder / f"{name}.glb"
-            command = ["-P", "-m", "puppetline", "shader-mesh", str(puppet), "-o", str(path)]
-            process = await asyncio.create_subprocess_exec(
-                sys.executable,
-                *command,
-                stdout=asyncio.subprocess.DEVNULL,
-                stderr=asyncio.subprocess.PIPE,
-                **bound_to_parent(),
-            )
-            if sys.platform != "win32":
-                os.setpriority(os.PRIO_PROCESS, process.pid, LOW_PRIORITY)
-            assert process.stderr is not None  # noqa: S101 - a pipe was asked for
-            told = await process.stderr.read()
-            if await process.wait():
-                log.warning("%s is drawn without its materials: %s", name, told.decode(errors="replace").strip()[-500:])
-            else:
+            try:
+                code, errors = await _run("shader-mesh", str(puppet), "-o", str(path))
+            except OSError as error:
+                code, errors = None, str(error)
+            if code == 0:
                 self.made[name] = path
+            else:
+                log.warning("%s is drawn without its materials: %s", name, errors.strip()[-500:])
+
+
+async def _run(*command: str) -> tuple[int, str]:
+    """Run a command of `puppetline`; return its exit code and its errors. The process ends when this is cancelled."""
+    process = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-P", "-m", "puppetline", *command),
+        stdout=asyncio.subprocess.DEVNULL,
+        stderr=asyncio.subprocess.PIPE,
+        **bound_to_parent(),
+    )
+    try:
+        if sys.platform != "win32":
+            os.setpriority(os.PRIO_PROCESS, process.pid, LOW_PRIORITY)
+        assert process.stderr is not None  # noqa: S101 - a pipe was asked for
+        errors = await process.stderr.read()
+        return await process.wait(), errors.decode(errors="replace")
+    finally:
+        if process.returncode is None:
+            process.kill()
+            await process.wait()

@@ -32,6 +32,6 @@ class ScreenKey:
     def opens(self, token: str) -> bool:
         """Tell whether a token is the key."""
         try:
-            return hmac.compare_digest(token.encode(), str(read_token(self._file)).encode())
+            return hmac.compare_digest(token.encode(errors="surrogatepass"), str(read_token(self._file)).encode())
         except PuppetlineError:
             return False

@@ -46,49 +46,61 @@ REMEMBER = 'localStorage.getItem("puppetline.face") ?? localStorage.setItem("pup
 COUNT_CLICKS = "window.clicks = 0; addEventListener('pointerdown', () => window.clicks++, true);"
 
 
-class Studio:
-    """The command `puppetline studio`, with a virtual camera."""
+class Command:
+    """A command of `puppetline` that prints addresses."""
 
-    def __init__(self, folder, *arguments):
-        self.folder = folder
-        own = [] if folder is None else ["--folder", folder]
-        command = [sys.executable, "-m", "puppetline", "studio", "--no-browser", "--port", "0", *own]
+    def __init__(self, *arguments, cwd=None, environment):
         self._process = subprocess.Popen(
-            [*map(str, command), *map(str, arguments)],
+            [sys.executable, "-m", "puppetline", *map(str, arguments)],
+            cwd=cwd,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            env=os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"} | CAMERA,
+            env=os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"} | environment,
         )
-        self.pid, self.last_address = self._process.pid, ""
+        self.pid = self._process.pid
         self.lines = []
-        self._used = 0
         threading.Thread(target=self._read, daemon=True).start()
 
     def _read(self):
         self.lines.extend(self._process.stdout)
 
-    def address(self):
-        """Return an address whose one-time token was not used before."""
+    def printed(self, pattern, known=0):
+        """Return all that it has printed of a pattern, as soon as these are more than a number."""
         end = time.monotonic() + TIMEOUT_SECONDS
         while time.monotonic() < end:
-            found = re.findall(r"http://\S+#token=\S+", "".join(self.lines))
-            if len(found) > self._used:
-                self._used, self.last_address = len(found), found[-1]
-                return found[-1]
+            found = re.findall(pattern, "".join(self.lines))
+            if len(found) > known:
+                return found
             assert self._process.poll() is None, "".join(self.lines)
             time.sleep(0.1)
         raise AssertionError("".join(self.lines))
-
-    def open(self, browser, face="workshop", **options):
-        """Open the page in a window of its own, with a face."""
-        context = browser.new_context(**({"viewport": {"width": 1280, "height": 720}} | options))
-        return Window(context, self.address(), face)
 
     def close(self):
         """End the command as Ctrl-C does."""
         self._process.terminate()
         self._process.wait(60)
+
+
+class Studio(Command):
+    """The command `puppetline studio`, with a virtual camera."""
+
+    def __init__(self, folder, *arguments):
+        own = [] if folder is None else ["--folder", folder]
+        super().__init__("studio", "--no-browser", "--port", "0", *own, *arguments, environment=CAMERA)
+        self.folder, self.last_address = folder, ""
+        self._used = 0
+
+    def address(self):
+        """Return an address whose one-time token was not used before."""
+        found = self.printed(r"http://\S+#token=\S+", self._used)
+        self._used, self.last_address = len(found), found[-1]
+        return self.last_address
+
+    def open(self, browser, face="workshop", **options):
+        """Open the page in a window of its own, with a face."""
+        context = browser.new_context(**({"viewport": {"width": 1280, "height": 720}} | options))
+        return Window(context, self.address(), face)
 
 
 class Window:

@@ -1,11 +1,8 @@
 """A kiosk in a browser: its screen leads a visitor to a film, a phone opens it by the QR code, and OBS has a source."""
 
 import io
-import os
-import re
-import subprocess
-import sys
 import time
+from contextlib import closing
 
 import av
 import numpy as np
@@ -16,7 +13,7 @@ from PIL import Image
 from benchmarks.visitor import write_visitor
 
 from ..service.conftest import free_port
-from .page_driver import TIMEOUT_SECONDS
+from .page_driver import TIMEOUT_SECONDS, Command
 
 __all__ = ["free_port"]
 
@@ -27,7 +24,7 @@ announce = false
 [network]
 port = {port}
 [kiosk]
-count_in = 1
+count_in = 3
 size = [160, 90]
 phone_port = {phones}
 phone_address = "http://127.0.0.1:{phones}"
@@ -38,17 +35,28 @@ calibrate = "at_once"
 puppet = "{puppet}"
 """
 
-MODULES = """async (image) => {
-  const count = COUNT;
+PHASES = """window.phases = [];
+new MutationObserver(() => {
+  const phase = document.body?.dataset.phase;
+  if (phase && phase !== phases.at(-1)) phases.push(phase);
+}).observe(document, { subtree: true, childList: true, attributeFilter: ["data-phase"] });"""
+"""JavaScript: keep all phases of the screen in their order."""
+
+SHOWN = """(async () => {
+  const [image, place] = [document.querySelector("main .code"), document.querySelector(".address")];
+  if (!image || !place) return null;
+  const address = "http://" + [...place.childNodes].map((part) => part.textContent).join("/");
   await image.decode();
+  const count = image.naturalWidth; // a pixel for each module
   const canvas = Object.assign(document.createElement("canvas"), { width: 10 * count, height: 10 * count });
   const context = canvas.getContext("2d");
   context.drawImage(image, 0, 0, canvas.width, canvas.height);
   const { data } = context.getImageData(0, 0, canvas.width, canvas.height);
   const dark = (row, column) => data[4 * ((10 * row + 5) * canvas.width + 10 * column + 5)] < 128;
-  return Array.from({ length: count }, (_, row) => Array.from({ length: count }, (_, column) => dark(row, column)));
-}"""
-"""JavaScript: which modules of a QR code with COUNT modules along each side are dark."""
+  const numbers = [...Array(count).keys()];
+  return [address, numbers.map((row) => numbers.map((column) => dark(row, column)))];
+})()"""
+"""JavaScript: the address that the screen shows, and which modules of its QR code are dark."""
 
 
 @pytest.fixture(scope="module")
@@ -57,12 +65,9 @@ def screen_address(blob_puppet, tmp_path_factory, free_port):
     folder = tmp_path_factory.mktemp("kiosk")
     write_visitor(folder / "visitor.log", dance=1.0, away=1.0)
     (folder / "kiosk.toml").write_text(SETTINGS.format(port=free_port(), phones=free_port(), puppet=blob_puppet))
-    command = [sys.executable, "-m", "puppetline", "serve", "--config", "kiosk.toml", "--studio", str(free_port())]
-    environment = os.environ | {"XDG_STATE_HOME": str(folder), "OPENBLAS_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"}
-    process = subprocess.Popen(command, cwd=folder, env=environment, stdout=subprocess.PIPE, text=True)
-    yield next(found[0] for line in process.stdout if (found := re.search(r"http://\S+/kiosk#key=\S+", line)))
-    process.terminate()
-    process.wait(60)
+    arguments = "serve", "--config", "kiosk.toml", "--studio", free_port()
+    with closing(Command(*arguments, cwd=folder, environment={"XDG_STATE_HOME": str(folder)})) as service:
+        yield service.printed(r"http://\S+/kiosk#key=\S+")[0]
 
 
 @pytest.fixture
@@ -74,6 +79,7 @@ def opened(browser):
         contexts.append(browser.new_context(viewport={"width": width, "height": height}))
         page = contexts[-1].new_page()
         page.on("pageerror", lambda error: problems.append(str(error)))
+        page.add_init_script(PHASES)
         page.goto(address)
         return page
 
@@ -94,21 +100,13 @@ def until(page, expression):
 
 def test_a_visitor_is_led_to_a_film_that_a_phone_opens_by_the_qr_code(screen_address, opened, opengl):
     screen = opened(screen_address, 960, 540)
-    kinds, end = [], time.monotonic() + TIMEOUT_SECONDS
-    while "film" not in kinds:
-        assert time.monotonic() < end, kinds
-        now = until(screen, "document.body.dataset.phase")
-        if now not in kinds[-1:]:
-            kinds.append(now)
-        screen.wait_for_timeout(50)
-    assert {"count", "recording", "making", "film"} <= set(kinds)
+    until(screen, "phases.includes('film')")
+    phases = screen.evaluate("phases")
+    assert {"count", "recording", "making", "film"} <= set(phases), phases
     assert screen.locator("button, input, select, a").count() == 0
     assert screen.evaluate("getComputedStyle(document.querySelector('main')).cursor") == "none"
-    texts = "each => [...each.childNodes].map((part) => part.textContent)"
-    address = "http://" + "/".join(screen.locator(".address").evaluate(texts))
+    address, modules = until(screen, SHOWN)
     code = segno.make(address, error="m", micro=False)
-    count = str(len(code.matrix) + 8)  # with the margin
-    modules = screen.locator("main .code").evaluate(MODULES.replace("COUNT", count))
     np.testing.assert_array_equal(np.array(modules)[4:-4, 4:-4], np.array(code.matrix, bool))
 
     phone = opened(address, 390, 844)

@@ -40,11 +40,13 @@ def film(
     """
     from engine_bridge.film.film import make_video
     from engine_bridge.film.film_document import make_document
-    from engine_bridge.film.sharing import share_video
+    from engine_bridge.film.sharing import check_sharing, share_video
 
     output = options.named(output, f"{scene.stem}.mp4", force)
     if share and output.suffix.lower() != ".mp4":
         raise click.UsageError("--share requires an .mp4.")
+    if share:
+        check_sharing(output, scene, force)
     with progress() as report:
         if output.suffix.lower() == ".glb":
             if draft or start or stop is not None:

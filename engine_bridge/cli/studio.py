@@ -101,7 +101,8 @@ def studio(
         click.echo("The address can be used once. Stop the studio with Ctrl-C.")
         if kiosk is not None:
             click.echo(f"The visitors' screen is at {served.screen}")
-            click.echo(f"Visitors' phones open {served.phones or 'no films: there is no network, or phone_port is 0'}")
+            no_phones = "no films. Connect this machine to a network, or set phone_address or phone_port in [kiosk]."
+            click.echo(f"Visitors' phones open {served.phones or no_phones}")
         else:
             click.echo(f"OBS shows the characters from {served.screen}")
         if _has_desktop() if browser is None else browser:

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from engine_bridge.film.sharing import GIF_SECONDS, share_video
+from engine_bridge.film.sharing import GIF_SECONDS, check_sharing, share_video
 from engine_bridge.film.video import VideoWriter
+from puppetline.errors import OutputError
 
 av = pytest.importorskip("av")
 
@@ -32,3 +33,37 @@ def test_the_poster_is_a_third_into_the_film_and_the_gif_has_its_beginning(tmp_p
     # the colours are those of eight frames
     np.testing.assert_allclose(shown, expected[: len(shown)], atol=np.ptp(expected) / 8 + 4)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["film.gif", "film.jpg", "film.mp4"]
+
+
+def test_a_very_wide_film_of_one_frame_has_a_poster_and_a_gif(tmp_path):
+    video = tmp_path / "film.mp4"
+    with VideoWriter(video, (7680, 16), FPS) as writer:
+        writer.add(np.zeros((16, 7680, 4), np.uint8))
+    share_video(video)
+    with Image.open(tmp_path / "film.gif") as gif:
+        assert gif.size == (480, 2)
+
+
+@pytest.mark.parametrize(
+    ("existing", "picture", "replace", "refused"),
+    [
+        ((), "film.jpg", False, "an input file"),
+        (("film.jpg",), "film.jpg", True, "an input file"),
+        (("film.jpg",), "other.jpg", False, "an existing file"),
+        (("film.gif",), "other.jpg", False, "an existing file"),
+        (("film.jpg", "film.gif"), "other.jpg", True, None),
+        ((), "other.jpg", False, None),
+    ],
+)
+def test_no_picture_of_the_user_is_replaced(tmp_path, existing, picture, replace, refused):
+    scene = tmp_path / "scene.toml"
+    background = f'[film]\nseconds = 1.0\n[background]\npicture = "{picture}"\n'
+    scene.write_text(background + '[[character]]\nname = "dog"\npuppet = "dog.toml"\n')
+    for name in existing:
+        (tmp_path / name).touch()
+    if refused is None:
+        check_sharing(tmp_path / "film.mp4", scene, replace)
+    else:
+        with pytest.raises(OutputError) as error:
+            check_sharing(tmp_path / "film.mp4", scene, replace)
+        assert error.value.parts["found"] == refused

@@ -5,8 +5,7 @@ stands beside a figure, without touching it and without a twin on its other side
 an object. What touches a figure, or floats within it, belongs to it.
 """
 
-from collections.abc import Sequence
-from functools import cached_property
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import scipy
@@ -61,6 +60,9 @@ SAMPLES_PER_CELL, MAX_SAMPLES = 4, 100_000
 TWIN_DIFFERENCE = 0.02
 """Maximum difference between the areas of twins, as a share of the area."""
 
+MIN_HEIGHT = 1e-6
+"""Minimum height of what may stand, as a share of its extent."""
+
 FILE_UPS = ("y", "z")
 """Directions that are up in files with a floor."""
 
@@ -78,6 +80,9 @@ def find_bodies(mesh: SolverMesh, together: NDArray[np.int64] | None = None) -> 
     for axis in FILE_UPS if part.max() > 0 else ():
         up = unit_vector(axis)
         base = _base(mesh, part, up)
+        standing = mesh.vertices[~base]
+        if np.ptp(standing @ up) <= MIN_HEIGHT * np.ptp(standing, axis=0).max():
+            continue
         floors = [float((mesh.vertices @ up).min())] + ([float((mesh.vertices[base] @ up).max())] if base.any() else [])
         bodies = np.full(len(part), STILL)
         bodies[~base] = _beside(mesh.only(~base), part[~base], up, floors)
@@ -105,13 +110,18 @@ def _base(mesh: SolverMesh, part: NDArray[np.int64], up: NDArray[np.float64]) ->
     bottoms, tops = np.full(count, np.inf), np.full(count, -np.inf)
     np.minimum.at(bottoms, part, height)
     np.maximum.at(tops, part, height)
-    flat = _flat_faces(mesh, up)
-    for top in np.unique(tops)[-2::-1]:
+    faces, areas = _flat_faces(mesh, up)
+    of_face = part[faces[:, 0]]
+    in_part = np.bincount(of_face, areas, count)
+    for top in _levels(tops):
         size = float(tops.max() - top)
         level = np.abs(tops - top) <= LEVEL_SHARE * size  # the tiles of a floor
+        if not in_part[level].any():
+            continue
         outline = _Outline(mesh.vertices[level[part]], up)
-        surface = flat[(level[part] & (height > top - SINK_SHARE * size))[flat].all(axis=1)]
-        if _area_along(mesh, surface, up) < MIN_TOP_SHARE * outline.area:
+        is_top = level[of_face]
+        is_top[is_top] = (height[faces[is_top]] > top - SINK_SHARE * size).all(axis=1)
+        if areas[is_top].sum() < MIN_TOP_SHARE * outline.area:
             continue
         near = np.zeros(count, dtype=bool)
         near[part[outline.inside(mesh.vertices)]] = True
@@ -119,9 +129,18 @@ def _base(mesh: SolverMesh, part: NDArray[np.int64], up: NDArray[np.float64]) ->
         above = near & ~base & (bottoms > top - SINK_SHARE * size)
         feet = mesh.vertices[above[part] & (height < top + FOOT_SHARE * size)]
         is_below = (base | above | ~near).all() and top - bottoms[base].min() < MAX_BASE_HEIGHT * size
-        if is_below and len(feet) and _carries(mesh.vertices[surface], outline, feet, up):
+        if is_below and len(feet) and _carries(mesh.vertices[faces[is_top]], outline, feet, up):
             return (base | (tops < bottoms[base].min() + SINK_SHARE * size))[part]
     return np.zeros(len(part), dtype=bool)
+
+
+def _levels(tops: NDArray[np.float64]) -> Iterator[float]:
+    """Yield the heights of the tops below the highest, downwards, one of those that are nearly the same."""
+    highest = level = float(tops.max())
+    for top in np.unique(tops)[-2::-1].tolist():
+        if level - top > LEVEL_SHARE * (highest - level):
+            level = top
+            yield level
 
 
 def _carries(
@@ -136,17 +155,13 @@ def _carries(
     return bool(((sides >= 0).all(axis=0) | (sides <= 0).all(axis=0)).any())
 
 
-def _flat_faces(mesh: SolverMesh, up: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return the faces (t, 3) that are level, on either side."""
+def _flat_faces(mesh: SolverMesh, up: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return the faces (t, 3) that are level, on either side, and their areas (t,), seen along an axis."""
     a, b, c = mesh.vertices[mesh.faces].transpose(1, 0, 2)
     normals = np.cross(b - a, c - a)
-    return mesh.faces[np.abs(normals @ up) > FLAT_COSINE * np.linalg.norm(normals, axis=1)]
-
-
-def _area_along(mesh: SolverMesh, faces: NDArray[np.int64], up: NDArray[np.float64]) -> float:
-    """Return the area of faces (t, 3), seen along an axis."""
-    a, b, c = mesh.vertices[faces].transpose(1, 0, 2)
-    return float(np.abs(np.cross(b - a, c - a) @ up).sum() / 2)
+    along = np.abs(normals @ up)
+    flat = along > FLAT_COSINE * np.linalg.norm(normals, axis=1)
+    return mesh.faces[flat], along[flat] / 2
 
 
 class _Outline:
@@ -180,80 +195,65 @@ def _beside(
     mesh: SolverMesh, part: NDArray[np.int64], up: NDArray[np.float64], floors: Sequence[float]
 ) -> NDArray[np.int64]:
     """Return the number (n,) of the body of each vertex of what stands on floors of some heights."""
-    clusters = _clusters(mesh, part, up)
-    figure = max(clusters, key=lambda each: each.area)
-    numbers = np.ones(len(part), dtype=np.int64)
-    if len(clusters) == 1 or not figure.stands(floors):
-        return numbers  # its feet are parts of their own
-    apart = [
-        each for each in clusters if each is figure or (each.stands(floors) and not each.has_twin(clusters, figure))
-    ]
-    bodies = [each for each in apart if each.is_as_tall_as(figure)]
-    for cluster in clusters:
-        if cluster in apart and cluster not in bodies:
-            numbers[cluster.chosen] = STILL
-        else:
-            numbers[cluster.chosen] = 1 + bodies.index(min(bodies, key=cluster.distance))
-    return numbers
+    points, cluster = _clusters(mesh, part, up)
+    of_vertex, count = cluster[: len(part)], int(cluster.max()) + 1
+    area = np.bincount(of_vertex, mesh.vertex_areas, count)
+    low, high = np.full(count, np.inf), np.full(count, -np.inf)
+    np.minimum.at(low, cluster, points @ up)
+    np.maximum.at(high, cluster, points @ up)
+    height, figure = high - low, int(area.argmax())
+    stands = (np.abs(low[:, None] - floors) < FOOT_SHARE * height[:, None]).any(axis=1)
+    if count == 1 or not stands[figure]:
+        return np.ones(len(part), dtype=np.int64)  # its feet are parts of their own
+    centers = np.stack([np.bincount(cluster, axis, count) for axis in _seen_along(up, points).T], axis=1)
+    centers /= np.bincount(cluster, minlength=count)[:, None]
+    apart = stands & ~_have_twins(area, centers - centers[figure])
+    apart[figure] = True
+    bodies = apart & (height > MIN_FIGURE_HEIGHT * height[figure]) & (area > MIN_FIGURE_AREA * area[figure])
+    number = np.where(bodies, np.cumsum(bodies), STILL)
+    of_body, loose = bodies[cluster], ~apart[cluster]
+    distance, near = scipy.spatial.cKDTree(points[of_body]).query(points[loose])
+    order = distance.argsort()[::-1]  # the nearest point of a cluster is the last one, which counts
+    number[cluster[loose][order]] = number[cluster[of_body][near[order]]]
+    return np.asarray(number[of_vertex])
 
 
-def _clusters(mesh: SolverMesh, part: NDArray[np.int64], up: NDArray[np.float64]) -> list["_Cluster"]:
-    """Return parts of which one is above the other, or nearly, as one cluster each, in the order of the mesh."""
+def _clusters(
+    mesh: SolverMesh, part: NDArray[np.int64], up: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return points (k, 3) of a mesh, first its vertices, and the cluster (k,) of each, in the order of the mesh.
+
+    Parts of which one is above the other, or nearly, are one cluster.
+    """
     cell = MIN_GAP * float(np.ptp(mesh.vertices @ up))
     area = float(mesh.vertex_areas.sum())
     spread, face = sample(mesh, min(int(SAMPLES_PER_CELL * area / cell**2), MAX_SAMPLES))
     points, of_point = np.concatenate([mesh.vertices, spread]), np.concatenate([part, part[mesh.faces[face, 0]]])
-    cells, inside = np.unique(np.floor(_seen_along(up, points) / cell).astype(np.int64), axis=0, return_inverse=True)
-    one, other = scipy.spatial.cKDTree(cells).query_pairs(1.0, p=np.inf, output_type="ndarray").T
+    grid = np.floor(_seen_along(up, points) / cell).astype(np.int64)
+    grid -= grid.min(axis=0)
+    shape = tuple(grid.max(axis=0) + 1)
+    cells, inside = np.unique(np.ravel_multi_index(tuple(grid.T), shape), return_inverse=True)
+    places = np.stack(np.unravel_index(cells, shape), axis=1)
+    one, other = scipy.spatial.cKDTree(places).query_pairs(1.0, p=np.inf, output_type="ndarray").T
     count = int(part.max()) + 1
-    a, b = np.concatenate([of_point, count + one]), np.concatenate([count + inside.reshape(-1), count + other])
-    number = connected_components(count + len(cells), a, b)
-    order = list(dict.fromkeys(number[part].tolist()))
-    return [_Cluster(mesh, number[part] == each, points[number[of_point] == each], up) for each in order]
+    a, b = np.concatenate([of_point, count + one]), np.concatenate([count + inside, count + other])
+    label = connected_components(count + len(cells), a, b)[of_point]
+    _, first, place = np.unique(label, return_index=True, return_inverse=True)
+    return points, first.argsort().argsort()[place]
 
 
-class _Cluster:
-    """Parts of a mesh.
+def _have_twins(area: NDArray[np.float64], way: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which clusters (c,) have one of the same area on the other side of a figure, as legs have.
 
     Parameters
     ----------
-    mesh : SolverMesh
-    chosen : (n,) bool
-        Their vertices.
-    points : (k, 3) float64
-        Points of their surface.
-    up : (3,) float64
+    area : (c,) float64
+    way : (c, 2) float64
+        From the middle of the figure to the middle of each, seen from above.
     """
-
-    def __init__(
-        self, mesh: SolverMesh, chosen: NDArray[np.bool_], points: NDArray[np.float64], up: NDArray[np.float64]
-    ) -> None:
-        self.chosen, self._points = chosen, points
-        self.area = float(mesh.vertex_areas[chosen].sum())
-        self.height, self.low = float(np.ptp(points @ up)), float((points @ up).min())
-        self._center = points.mean(axis=0) * (1 - np.abs(up))
-
-    @cached_property
-    def _tree(self) -> "scipy.spatial.cKDTree":
-        return scipy.spatial.cKDTree(self._points)
-
-    def distance(self, other: "_Cluster") -> float:
-        """Return the distance between the nearest points of the two."""
-        return float(np.min(other._tree.query(self._points)[0]))
-
-    def stands(self, floors: Sequence[float]) -> bool:
-        """Return whether it reaches down to a floor."""
-        return any(abs(self.low - floor) < FOOT_SHARE * self.height for floor in floors)
-
-    def has_twin(self, clusters: "Sequence[_Cluster]", figure: "_Cluster") -> bool:
-        """Return whether there is a cluster of the same area on the other side of a figure, as legs are."""
-        return any(
-            abs(each.area - self.area) < TWIN_DIFFERENCE * self.area
-            and (each._center - figure._center) @ (self._center - figure._center) < 0
-            for each in clusters
-            if each is not figure
-        )
-
-    def is_as_tall_as(self, figure: "_Cluster") -> bool:
-        """Return whether it may be a figure, beside the largest one."""
-        return self.height > MIN_FIGURE_HEIGHT * figure.height and self.area > MIN_FIGURE_AREA * figure.area
+    return np.array(
+        [
+            ((np.abs(area - own) < TWIN_DIFFERENCE * own) & (way @ to < 0)).any()
+            for own, to in zip(area, way, strict=True)
+        ]
+    )

@@ -162,7 +162,7 @@ def _flaws(shot: _Shot, extents: Mapping[str, Extent], first: int, size: tuple[i
 def _covered(area: NDArray[np.float64], cover: NDArray[np.float64]) -> float:
     """Return the share of a rectangle that another one covers, both with a lower and an upper corner (2, 2)."""
     common = np.maximum(np.minimum(area[1], cover[1]) - np.maximum(area[0], cover[0]), 0)
-    return float(np.prod(common) / np.prod(area[1] - area[0]))
+    return float(np.prod(common) / max(np.prod(area[1] - area[0]), np.finfo(float).tiny))
 
 
 def rectangle(camera: Camera, box: NDArray[np.float64], size: tuple[int, int]) -> NDArray[np.float64]:

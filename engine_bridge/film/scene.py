@@ -20,8 +20,18 @@ class SceneError(PuppetlineError):
     """A scene file is wrong."""
 
 
-def check_exists(path: Path, where: str, kind: str) -> None:
+def check_exists(path: Path, where: str, kind: str, otherwise: str = "set mute = true") -> None:
     """Refuse a missing file, which a scene file names.
+
+    Parameters
+    ----------
+    path : Path
+    where : str
+        Place of its name.
+    kind : str
+        What the file is: "a recording".
+    otherwise : str
+        What to do without the file, an imperative.
 
     Raises
     ------
@@ -32,7 +42,7 @@ def check_exists(path: Path, where: str, kind: str) -> None:
             where,
             found=f"the missing file {path}",
             expected=f"{kind}, relative to the scene file",
-            fix="Correct the path, copy the file there, or set mute = true.",
+            fix=f"Correct the path, copy the file there, or {otherwise}.",
         )
 
 

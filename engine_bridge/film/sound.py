@@ -133,6 +133,7 @@ def _repeated(music: MusicTable, scene: Path) -> Iterator[NDArray[np.float32]]:
     if music.loop is not None:
         return repeat(piece(music.loop))
     path, where = scene.parent / str(music.file), at(scene, field="[music], file")
+    check_exists(path, where, "a sound file", "remove the key file")
     first, _ = decoded(path, where)
 
     def blocks() -> Iterator[NDArray[np.float32]]:

@@ -54,6 +54,7 @@ def typeface(font: str, text: str, height: int, where: str, folder: Path) -> Ima
                 fix="Correct the path, or remove the key font.",
             ) from None
     letters = {letter for letter in text if not letter.isspace()}
+    lacking = letters  # if no typeface can be opened
     for file in (FILES[font], FILES["plain"], *SYSTEM_FILES):
         with contextlib.suppress(OSError, ModuleNotFoundError):
             opened = ImageFont.truetype(file if isinstance(file, str) else _packaged(*file), height)
@@ -64,7 +65,8 @@ def typeface(font: str, text: str, height: int, where: str, folder: Path) -> Ima
         f"{where}, text",
         found=f"the letters {''.join(sorted(lacking))}",
         expected=f"letters of Europe, or one of the fonts {', '.join(SYSTEM_FILES)} with these letters on this system",
-        fix='Add a font: font = "FILE.ttf". On Debian: apt install fonts-noto',
+        fix="Add a font: font = \"FILE.ttf\". Typefaces come with pip install 'puppetline[film]' and, on Debian, with "
+        "apt install fonts-noto.",
     )
 
 

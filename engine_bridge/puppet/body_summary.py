@@ -16,7 +16,7 @@ KINDS: dict[BodyPlan | None, str] = {
 }
 
 COUNTED = ("head", "neck", "arm", "wing", "leg", "tail", "ear")
-"""Limbs that are counted, in the order in which they are told."""
+"""Limbs that are counted, in the order in which they are listed."""
 
 NUMBERS = ("", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 

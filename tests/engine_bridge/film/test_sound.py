@@ -98,6 +98,14 @@ def test_the_rest_is_played_if_a_file_is_no_sound(mixed, write_wav, tmp_path, co
     assert "scene.toml, [[sound]] 1, file" in note
 
 
+def test_a_note_about_missing_music_names_a_key_that_music_has(tmp_path):
+    mixer = Mixer((), tmp_path / "scene.toml", 1.0, MusicTable(file="none.wav"))
+    (note,) = mixer.notes
+    assert "scene.toml, [music], file" in note
+    assert "mute" not in note
+    assert not mixer.read(100).any()
+
+
 @pytest.mark.parametrize("table", [{"loop": "waltz"}, {"file": "sound.wav"}])
 def test_music_is_repeated_without_a_gap_and_fades_out_at_the_end_of_the_film(tmp_path, write_wav, table):
     tone = 0.3 * np.sin(np.arange(SAMPLE_RATE) * 2 * np.pi / 240)

@@ -27,6 +27,13 @@ def test_letters_that_no_typeface_has_are_one_message(tmp_path, monkeypatch):
     assert (error.where, error.found) == ("title, text", "the letters 犬猫")
 
 
+def test_a_system_without_any_typeface_is_one_message(tmp_path, monkeypatch):
+    monkeypatch.setattr(typefaces, "SYSTEM_FILES", ())
+    monkeypatch.setattr(typefaces, "FILES", dict.fromkeys(FILES, ("no_such_package", "a.ttf")))
+    error = refused(SceneError, typeface, "hand", "a b", 20, "title", tmp_path)
+    assert (error.where, error.found) == ("title, text", "the letters ab")
+
+
 def test_a_file_is_a_typeface(tmp_path):
     shutil.copy(typeface("serif", "a", 20, "title", tmp_path).path, tmp_path / "own.otf")
     assert isinstance(typeface("own.otf", "a", 20, "title", tmp_path), ImageFont.FreeTypeFont)

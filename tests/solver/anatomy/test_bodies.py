@@ -39,6 +39,12 @@ SCENES = {
     "a hall": HALL,
     "a thing in a hand": [(1, PERSON), (1, box(HAND - 0.03, HAND + np.array([0.03, 0.5, 0.03])))],
     "what floats above": [(1, PERSON), (1, sphere(1, 0.1, [0, HIGH[1] + 0.3, 0]))],
+    "two figures, and what floats beside each": [
+        (1, PERSON),
+        (2, moved(PERSON, 2 * ASIDE)),
+        *((1, sphere(1, 0.02, HIGH * [-1.3, share, 0])) for share in (0.4, 0.6)),
+        *((2, sphere(1, 0.02, 2 * ASIDE + HIGH * [-1.3, share, 0])) for share in (0.4, 0.6)),
+    ],
     "shoes": [(1, PERSON), (1, shoe(1)), (1, shoe(-1))],
     "two feet that touch nothing": [
         (1, PERSON),
@@ -72,3 +78,10 @@ def test_what_belongs_together_is_one_body():
     mesh, wanted = joined(HALL)
     together = np.where(wanted == STILL, -1, 7)
     assert_array_equal(find_bodies(mesh, together), np.minimum(wanted, 1))
+
+
+@pytest.mark.parametrize("axes", [[0, 1, 2], [0, 2, 1]], ids=["flat along z", "flat along y"])
+def test_flat_figures_stand_along_the_axis_along_which_they_have_a_height(axes):
+    square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])[:, axes]
+    mesh, _ = joined([(number, moved((square, PLATE[1]), [3 * number, 0, 0])) for number in (1, 2)])
+    assert_array_equal(find_bodies(mesh)[mesh.of_render], np.repeat([1, 2], 4))

@@ -32,7 +32,7 @@ def _skeleton(character: Character, part: Part) -> int:
     above, top = dict(tree(character.document)), gltf["skins"][gltf["nodes"][part.node]["skin"]]["joints"][0]
     way: int | None = top
     while way is not None:
-        top, way = (way if way in joints else top), above[way]
+        top, way = (way if way in joints else top), above.get(way)  # none above a joint in a circle of nodes
     return top
 
 

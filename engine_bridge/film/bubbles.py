@@ -43,7 +43,7 @@ class Bubble:
     """
 
     def __init__(self, table: BubbleTable, size: tuple[int, int], where: str, folder: Path) -> None:
-        self.table, self._size = table, size
+        self.table, self._size = table, np.array(size)
         text = wrapped(table.text or table.character)
         self._letter = max(table.size * size[1], 4.0)
         font = typeface(table.font, text, round(self._letter * SUPERSAMPLING), where, folder)
@@ -76,7 +76,8 @@ class Bubble:
             Left, upper, right and lower edge, as shares of the picture.
         """
         middle = self._middle(head, body, usual)
-        towards = np.clip(middle, head[0], head[1])  # the nearest point of the head
+        nearest = np.clip(middle, head[0], head[1])
+        towards = np.clip(nearest, -self._letter, self._size + self._letter)  # of a head outside the picture, its edge
         tip = middle + (towards - middle) * 0.96
         corners = [middle - self._half, middle + self._half]
         low, high = corners[0], corners[1]
@@ -146,7 +147,7 @@ class Bubble:
             middle = np.array([head[1, 0] + gap + self._half[0], center[1] - gap])
         else:
             middle = np.array([head[0, 0] - gap - self._half[0], center[1] - gap])
-        shown: NDArray[np.float64] = np.clip(middle, room, np.maximum(np.array(self._size) - room, room))
+        shown: NDArray[np.float64] = np.clip(middle, room, np.maximum(self._size - room, room))
         return shown
 
 

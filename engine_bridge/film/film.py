@@ -270,7 +270,7 @@ class _View:
                 extent = self._extents[name]
                 head, body = (self._pixels(view, boxes[frame]) for boxes in (extent.head, extent.whole))
                 if bubble.table.kind == "name" and ((body[1] < 0) | (body[0] > self._renderer.size)).any():
-                    continue  # whoever is out of the picture may be heard, but has no name there
+                    continue  # a character outside the picture may speak, but a name would be beside nothing
                 pixels, place = bubble.draw(head, body, self._usual_heads[number, view.shot])
                 yield Overlay(self._renderer.picture(pixels), opacity, place)
 

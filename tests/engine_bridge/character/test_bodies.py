@@ -1,4 +1,5 @@
 import numpy as np
+import pygltflib as gltf
 import pytest
 from numpy.testing import assert_array_equal
 
@@ -51,6 +52,21 @@ def test_a_file_with_one_body_chosen_shows_the_same_triangles(hall, number, blob
 def test_a_file_of_one_body_stays_as_it_is(blob_file):
     character = load_character(blob_file)
     assert with_body(character, bodies_of(character), 1, "here") is character
+
+
+@pytest.mark.parametrize("is_circle", [False, True])
+def test_joints_that_no_scene_shows_hold_a_skin_together(glb, tmp_path, is_circle):
+    joints = [glb.node(name="a"), glb.node(name="b")]
+    glb.file.nodes[joints[0]].children = [joints[1]]
+    if is_circle:
+        glb.file.nodes[joints[1]].children = [joints[0]]
+    glb.file.skins = [gltf.Skin(joints=joints[::-1])]
+    places = np.array([[x + a, b, 0] for x in (0, 3) for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))], np.float32)
+    primitive = glb.primitive(places, np.array([[0, 2, 1], [0, 3, 2], [4, 6, 5], [4, 7, 6]], np.uint32))
+    primitive.attributes.JOINTS_0 = glb.add(np.zeros((8, 4), np.uint8))
+    primitive.attributes.WEIGHTS_0 = glb.add(np.eye(4, dtype=np.float32)[[0] * 8])
+    glb.file.scenes[0].nodes = [glb.node(glb.mesh(primitive), skin=0)]
+    assert_array_equal(bodies_of(load_character(glb.save(tmp_path / "skinned.glb"))), np.ones(8))
 
 
 def test_a_body_that_the_file_does_not_show_is_refused(hall):

@@ -32,6 +32,15 @@ def test_a_bubble_is_in_the_picture_and_does_not_hide_the_head(kind, x, y):
     assert inside.mean() < 0.02  # at most the tip of its tail
 
 
+@pytest.mark.parametrize("kind", ["speech", "thought", "name"])
+@given(x=st.floats(-1e6, 1e6), y=st.floats(-1e6, 1e6), usual=st.floats(-1e6, 1e6))
+def test_a_bubble_is_not_much_larger_than_the_picture_wherever_the_head_is(kind, x, y, usual):
+    bubble = Bubble(BubbleTable(character="a", text="How do you do?", kind=kind), SIZE, "bubble", None)
+    pixels, _ = bubble.draw(np.array([[x, y], [x + 50, y + 80]]), *np.full((2, 2, 2), usual))
+    letters = 4 * bubble.table.size * SIZE[1]
+    assert (np.array(pixels.shape[1::-1]) <= np.array(SIZE) + letters).all()
+
+
 @given(st.lists(st.text("abcdefghij", min_size=1, max_size=12), min_size=1))
 def test_lines_end_between_words(words):
     text = " ".join(words)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose
 
 from engine_bridge.character import examples
 from engine_bridge.film import scene as scenes
@@ -104,6 +105,15 @@ def test_without_an_azimuth_nobody_else_stands_in_the_way():
     angle = np.degrees(np.arccos(looks[[0, 2]] @ way[[0, 2]] / np.linalg.norm(looks[[0, 2]]) / np.linalg.norm(way)))
     assert 17 < angle < 29  # past a shoulder, not through the head
     assert camera(behind, 0).eye[2] > 2.2
+
+
+def test_a_character_without_a_width_is_shown_past_the_one_in_front_of_it():
+    line = np.tile([[0.0, 0, 0], [0, 1, 0]], (5, 1, 1))
+    front = np.tile([[-0.1, 0, 1.9], [0.1, 1, 2.1]], (5, 1, 1))
+    both = {"line": Extent(line, line, line), "front": Extent(front, front, front)}
+    shots = Shots((CameraTable(show=("line",)),), both, 30, SIZE)
+    assert np.isfinite(camera(shots, 0).eye).all()
+    assert_allclose(in_picture(camera(shots, 0), line[0])[:, 0], 0.5, atol=1e-3)
 
 
 def outside(production):

@@ -205,14 +205,15 @@ def _beside(
     stands = (np.abs(low[:, None] - floors) < FOOT_SHARE * height[:, None]).any(axis=1)
     if count == 1 or not stands[figure]:
         return np.ones(len(part), dtype=np.int64)  # its feet are parts of their own
-    centers = np.stack([np.bincount(cluster, axis, count) for axis in _seen_along(up, points).T], axis=1)
-    centers /= np.bincount(cluster, minlength=count)[:, None]
+    sums = np.stack([np.bincount(cluster, axis, count) for axis in _seen_along(up, points).T], axis=1)
+    centers = sums / np.bincount(cluster)[:, None]
     apart = stands & ~_have_twins(area, centers - centers[figure])
     apart[figure] = True
     bodies = apart & (height > MIN_FIGURE_HEIGHT * height[figure]) & (area > MIN_FIGURE_AREA * area[figure])
     number = np.where(bodies, np.cumsum(bodies), STILL)
     of_body, loose = bodies[cluster], ~apart[cluster]
-    distance, near = scipy.spatial.cKDTree(points[of_body]).query(points[loose])
+    tree = scipy.spatial.cKDTree(points[of_body])
+    distance, near = (np.asarray(each) for each in tree.query(points[loose]))
     order = distance.argsort()[::-1]  # the nearest point of a cluster is the last one, which counts
     number[cluster[loose][order]] = number[cluster[of_body][near[order]]]
     return np.asarray(number[of_vertex])
@@ -242,12 +243,12 @@ def _clusters(
     return points, first.argsort().argsort()[place]
 
 
-def _have_twins(area: NDArray[np.float64], way: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _have_twins(area: NDArray[np.number], way: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return which clusters (c,) have one of the same area on the other side of a figure, as legs have.
 
     Parameters
     ----------
-    area : (c,) float64
+    area : (c,) float
     way : (c, 2) float64
         From the middle of the figure to the middle of each, seen from above.
     """

@@ -107,13 +107,14 @@ def test_without_an_azimuth_nobody_else_stands_in_the_way():
     assert camera(behind, 0).eye[2] > 2.2
 
 
-def test_a_character_without_a_width_is_shown_past_the_one_in_front_of_it():
-    line = np.tile([[0.0, 0, 0], [0, 1, 0]], (5, 1, 1))
-    front = np.tile([[-0.1, 0, 1.9], [0.1, 1, 2.1]], (5, 1, 1))
-    both = {"line": Extent(line, line, line), "front": Extent(front, front, front)}
-    shots = Shots((CameraTable(show=("line",)),), both, 30, SIZE)
-    assert np.isfinite(camera(shots, 0).eye).all()
-    assert_allclose(in_picture(camera(shots, 0), line[0])[:, 0], 0.5, atol=1e-3)
+def test_a_character_without_an_extent_does_not_count_where_views_are_compared():
+    extents = {"a": boxes(5, lambda k: 0), "point": Extent(*np.zeros((3, 5, 2, 3)))}
+    front = Extent(*np.tile([[-0.1, 0, 1.4], [0.1, 1, 1.6]], (3, 5, 1, 1)))
+    shots = [
+        Shots((CameraTable(show=tuple(names)),), {**{name: extents[name] for name in names}, "front": front}, 30, SIZE)
+        for names in (["a", "point"], ["a"])
+    ]
+    assert_allclose(camera(shots[0], 0).eye, camera(shots[1], 0).eye)
 
 
 def outside(production):

@@ -32,9 +32,9 @@ class FilmEditing:
         except PuppetlineError as error:
             return FilmState(problem=self._workspace.without_folders(str(error)))
 
-    def edit(self, takes: list[TakeTable], scene: FilmScene | None = None) -> None:
-        """Replace the takes of the film, and the other tables of its scene file if they are given."""
-        self.file.replace(takes, [*self._by_file, *self._workspace.media], scene)
+    def edit(self, takes: list[TakeTable] | None, scene: FilmScene | None = None) -> None:
+        """Replace the takes of the film and the other tables of its scene file, where they are given."""
+        self.file.replace(self.file.takes if takes is None else takes, [*self._by_file, *self._workspace.media], scene)
 
     def end_of(self, character: str) -> float:
         """Return the second of the film at which a character's last take ends; 0 without one."""

@@ -31,14 +31,16 @@ class FilmState(Table):
 
 
 class EditFilm(Request):
-    """Replace the takes of the film, and the other tables of its scene file if there is `scene`. Result: `FilmState`.
+    """Replace the takes of the film if there are `takes`, and the other tables of its scene file if there is `scene`.
+
+    Result: `FilmState`.
 
     The `file` of a take is ``takes/NAME.log``, and that of a sound or a picture ``media/NAME``, or one that the film
     has. Characters that are not in `scene` stay as they are, and no character's `puppet` changes.
     """
 
     do: Literal["edit_film"]
-    takes: Annotated[list[TakeTable], Field(max_length=MAX_ROWS)]
+    takes: Annotated[list[TakeTable], Field(max_length=MAX_ROWS)] | None = None
     scene: FilmScene | None = None
 
 

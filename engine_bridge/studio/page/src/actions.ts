@@ -24,7 +24,7 @@ import { type Recording, current, shownCharacter, shownPuppet, update } from "./
 export const connect = (): void => {
   connection.open({
     opened: (greeting) => {
-      update({ connected: "open", greeting });
+      update({ connected: "open", greeting, ...(greeting.joined ? { face: "workshop" as const } : {}) });
     },
     state: receive,
     progress: (job, text, fraction) => {

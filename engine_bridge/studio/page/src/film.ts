@@ -1,8 +1,8 @@
 /** The film of the takes: edits, playing on the stage, the count-in, and making the video. */
 
 import type { Extra, FilmReply, FilmState, FilmTake, ServerState } from "./messages";
-import { type Film, endOf, filmOf } from "./model/film";
-import { type History, commit, type undo } from "./model/history";
+import { EMPTY, type Film, endOf, filmOf } from "./model/film";
+import { begin, commit, settle, type undo } from "./model/history";
 import { download, request } from "./requests";
 import { context } from "./sound";
 import { type State, current, update } from "./store";
@@ -11,17 +11,22 @@ import { strings } from "./strings";
 /** Seconds before a take. */
 export const COUNT_IN = 3;
 
-let sending = 0;
+let sending = false;
 
-/** What changes in the page's state with a state of the server: a take that was recorded is a step that can be undone. */
+/**
+ * What changes in the page's state with a state of the server: a take that was recorded is a step that can be undone.
+ * When a character was removed, no step before that can be undone, as it would bring the character back.
+ */
 export function receivedFilm(state: State, server: ServerState): Partial<State> {
   const timed = JSON.stringify(state.server?.timeline) === JSON.stringify(server.timeline) ? state.timed : performance.now();
   const counted = state.count !== null || !hasBegun(server);
   const recordedFrom = server.recording === null && state.count === null ? null : (state.recordedFrom ?? (counted ? null : performance.now()));
   const [before, after] = [state.film.present, filmOf(server.film)];
-  if (JSON.stringify(before) === JSON.stringify(after) || sending > 0) return { timed, recordedFrom };
-  const recorded = state.server !== null && JSON.stringify(before.takes) !== JSON.stringify(after.takes);
-  return { timed, recordedFrom, film: recorded ? commit(state.film, after) : { ...state.film, present: after }, clip: null };
+  const removed = state.server?.characters.some(({ name }) => !server.characters.some((each) => each.name === name)) === true;
+  const history = removed ? begin(before) : state.film;
+  if (sending || JSON.stringify(before) === JSON.stringify(after)) return { timed, recordedFrom, film: history };
+  const recorded = state.server !== null && !removed && JSON.stringify(before.takes) !== JSON.stringify(after.takes);
+  return { timed, recordedFrom, film: recorded ? commit(history, after) : { ...history, present: after }, clip: null };
 }
 
 /** Whether a take is being recorded whose count-in is over, perhaps one that another window has begun. */
@@ -50,17 +55,28 @@ export function stepFilm(move: typeof undo): void {
   void send();
 }
 
+/** Send what differs from the server's film. Of the edits made while one is being applied, only the newest is sent next. */
 async function send(): Promise<void> {
-  sending++;
-  const sent: History<Film> = current().film;
-  const reply = await request<FilmState>(strings.busy.film, "edit_film", sent.present);
-  sending--;
-  update(({ film, server, clip }) => {
-    if (reply !== null && film.present !== sent.present) return {}; // edited meanwhile
-    const present = filmOf(reply ?? server?.film ?? sent.present); // as the server has it: takes in the order of their times
-    const moved = present.takes.some(({ file }, i) => file !== sent.present.takes[i]?.file);
-    return { film: { ...film, present }, clip: moved ? null : clip };
-  });
+  if (sending) return;
+  sending = true;
+  for (let change = unsent(current()); change !== null; change = unsent(current())) {
+    const sent = current().film.present;
+    const reply = await request<FilmState>(strings.busy.film, "edit_film", change);
+    update(({ film, server, clip }) => {
+      const has = reply ?? server?.film ?? EMPTY; // takes are in the order of their times; refused: as before
+      const edited = film.present; // perhaps meanwhile
+      const present = { takes: edited.takes === sent.takes ? has.takes : edited.takes, scene: edited.scene === sent.scene ? has.scene : edited.scene };
+      const moved = present.takes.some(({ file }, i) => file !== edited.takes[i]?.file);
+      return { server: server && { ...server, film: { ...server.film, ...has } }, film: settle(film, present), clip: moved ? null : clip };
+    });
+  }
+  sending = false;
+}
+
+/** The parts of the film that differ from the server's; null if none does. */
+function unsent({ film: { present }, server }: State): Partial<Film> | null {
+  const parts = (["takes", "scene"] as const).filter((part) => JSON.stringify(present[part]) !== JSON.stringify(server?.film[part]));
+  return parts.length === 0 ? null : Object.fromEntries(parts.map((part) => [part, present[part]]));
 }
 
 /** Play the film on the stage from the playhead on, or pause. */

@@ -316,8 +316,8 @@ test("tabs are changed by arrow keys, and the pose, the bones and the drawers by
 test("a service that was started elsewhere chooses its characters and sources, and the page edits their puppets", async () => {
   const page = await Page.open((server) => {
     server.greeting = { ...server.greeting, joined: true };
-  });
-  for (const name of ["Open another…", "Change…", "Export", "Play", "Make the film", `Close ${NAME}`]) assert.deepEqual(page.buttons(name), [], name);
+  }, "film");
+  for (const name of ["Film", "Open another…", "Change…", "Export", "Play", "Make the film", `Close ${NAME}`]) assert.deepEqual(page.buttons(name), [], name);
   assert.deepEqual(page.field("Character").choices, [NAME]);
   await page.line("hump").click();
   assert.ok(!page.field("Place, x").disabled);

@@ -139,7 +139,8 @@ export class Server {
       return this.puppet(character as string);
     }],
     ["edit_film", ({ takes, scene }) => {
-      this.change({ film: { takes: takes as FilmTake[], scene: scene as FilmScene, problem: "" } });
+      const { film } = this.state;
+      this.change({ film: { takes: (takes as FilmTake[] | undefined) ?? film.takes, scene: (scene as FilmScene | undefined) ?? film.scene, problem: "" } });
       return this.state.film;
     }],
     ["smoothing_preview", () => ({ times: [0, 1], measured: [0, 1], smoothed: [0, 0.5], measured_mm: 5, jitter_mm: 1, lag_ms: 60, rise_ms: 1, overshoot_mm: 0 })],

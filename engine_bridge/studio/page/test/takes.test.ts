@@ -2,8 +2,8 @@ import assert from "node:assert/strict";
 import test from "node:test";
 
 import type { Timeline } from "../src/messages";
-import { position } from "../src/film";
-import { EMPTY } from "../src/model/film";
+import { editScene, position } from "../src/film";
+import { EMPTY, filmOf } from "../src/model/film";
 import { NAME, Page, clip, pass, saved, take, typing } from "./page";
 
 const TIMELINE: Timeline = { position: 1, moment: 0, start: 0, end: 8, speed: 2, paused: false, loop: false, takes: [] };
@@ -141,12 +141,42 @@ test("a take that was recorded is a step of the film that can be undone, and a r
   await page.press("r");
   page.server.change({ recording: null });
   await page.press("z", { ctrlKey: true });
-  assert.deepEqual(page.server.asked("edit_film"), [EMPTY]);
+  assert.deepEqual(page.server.asked("edit_film"), [{ takes: [] }]);
   await page.press("y", { ctrlKey: true });
-  assert.deepEqual(page.server.asked("edit_film").at(-1), { ...EMPTY, takes: [clip("take-1", 0)] });
+  assert.deepEqual(page.server.asked("edit_film").at(-1), { takes: [clip("take-1", 0)] });
   page.server.refuse("edit_film", "the file");
   await page.every("button", "clip-button")[0]?.press("ArrowRight");
   assert.deepEqual(page.state.film.present.takes, [clip("take-1", 0)]);
+  await page.press("z", { ctrlKey: true });
+  assert.deepEqual(page.state.film.past, [], "the refused edit is no step");
+});
+
+test("an edit of the scene keeps a take that is recorded while it is applied, and later edits follow it", async () => {
+  const page = await Page.open();
+  const next = page.server.hold("edit_film");
+  const music = (loop: "calm" | "waltz"): void => {
+    editScene({ music: { loop } });
+  };
+  music("calm");
+  music("waltz");
+  page.server.change({ film: { ...EMPTY, takes: [clip("take-1", 0)], problem: "" } });
+  await next();
+  await next();
+  assert.deepEqual(page.server.asked("edit_film").map((each) => Object.keys(each)), [["scene"], ["scene"]]);
+  assert.deepEqual(page.state.film.present, { takes: [clip("take-1", 0)], scene: { ...EMPTY.scene, music: { loop: "waltz" } } });
+  assert.deepEqual(filmOf(page.server.state.film), page.state.film.present);
+});
+
+test("after a character was removed, no step brings its takes back", async () => {
+  const page = await Page.open((server) => {
+    server.change({ film: { ...EMPTY, takes: [clip("take-1", 0)], problem: "" } });
+  });
+  editScene({ music: { loop: "calm" } });
+  await pass(0);
+  page.server.change({ characters: [], film: { ...EMPTY, problem: "" } });
+  assert.deepEqual([page.state.film.past, page.state.film.present.takes], [[], []]);
+  await page.press("z", { ctrlKey: true });
+  assert.deepEqual(page.state.film.present, EMPTY);
 });
 
 test("the film plays from the playhead on, pauses, jumps, and stops", async () => {

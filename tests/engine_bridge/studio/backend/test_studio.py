@@ -198,6 +198,7 @@ def test_the_film_plays_its_takes_cut_as_they_are_and_nothing_else(stage):
         damaged.unlink(missing_ok=True)
     stage.result("stop")
     assert stage.result("edit_film", takes=[take])["takes"] == [take]
+    assert stage.result("edit_film", scene={"music": {"loop": "calm"}})["takes"] == [take]
 
 
 def test_a_take_plays_from_one_second_to_another_until_another_source_is_opened(stage):

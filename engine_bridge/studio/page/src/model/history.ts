@@ -18,6 +18,12 @@ export function commit<T>(history: History<T>, present: T): History<T> {
   return { past: [...history.past, history.present].slice(-MAX_STEPS), present, future: [] };
 }
 
+/** Replace the present without a step; a neighbour that equals it is no step any more. */
+export function settle<T>({ past, future }: History<T>, present: T): History<T> {
+  const isPresent = (value: T | undefined): boolean => JSON.stringify(value) === JSON.stringify(present);
+  return { past: isPresent(past.at(-1)) ? past.slice(0, -1) : past, present, future: isPresent(future[0]) ? future.slice(1) : future };
+}
+
 export function undo<T>(history: History<T>): History<T> {
   const present = history.past.at(-1);
   if (present === undefined) return history;

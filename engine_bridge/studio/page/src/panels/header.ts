@@ -20,7 +20,7 @@ export function header(state: State): Node_ {
     "header",
     { key: "header" },
     h("span", { class: "brand" }, h("span", { class: "logo", "aria-hidden": "true" }), strings.name),
-    server !== null && server.characters.length > 0 && choice<Face>(words.face, [["film", words.film], ["workshop", words.workshop]], state.face, chooseFace),
+    !joined && server !== null && server.characters.length > 0 && choice<Face>(words.face, [["film", words.film], ["workshop", words.workshop]], state.face, chooseFace),
     server !== null &&
       shown !== null &&
       state.face === "workshop" &&

@@ -91,7 +91,7 @@ def test_a_recording_that_is_dropped_on_the_page_performs(window):
 
 OVERLAPS = """() => {
   const shown = [...document.querySelectorAll("header button, header select, .strip button, .drawers button")].filter(
-    (each) => each.checkVisibility() && !each.closest("dialog"));
+    (each) => each.checkVisibility() && !each.closest(".dialog"));
   const boxes = shown.map((each) => [each.innerText || each.ariaLabel, each.getBoundingClientRect()]);
   const before = (low, high) => low <= high + 1;
   const apart = (a, b) => before(a.right, b.left) || before(b.right, a.left) ||
@@ -116,7 +116,9 @@ def test_the_film_fits_each_window_shows_a_recording_and_a_dragged_character_sta
     film.page.set_viewport_size({"width": 1280, "height": 720})
     film.page.keyboard.press("r")
     film.until("state.count === null && state.recordedFrom !== null")
-    assert film.page.locator(".recording-frame").is_visible()
+    film.until("document.querySelector('.recording-frame')?.checkVisibility()")
+    film.until("state.server.stages.some((stage) => stage.recording && stage.count_in === 0)")  # else no take is kept
+    film.frames(30)
     width = "document.querySelector('.growing').getBoundingClientRect().width"
     first = film.page.evaluate(width)
     film.until(f"{width} > {first}")

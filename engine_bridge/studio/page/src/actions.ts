@@ -114,8 +114,10 @@ export async function performWebcam(): Promise<void> {
   if (uri !== null) await performLive(current().faces ? `${uri}?face&hands` : uri);
 }
 
+export const isKinect = (uri: string): boolean => /^(freenect|openni):/.test(uri);
+
 export async function performKinect(): Promise<void> {
-  const uri = await device((each) => each !== "" && !each.startsWith("camera:"), strings.sources.noKinect);
+  const uri = await device(isKinect, strings.sources.noKinect);
   if (uri !== null) await performLive(uri);
 }
 
@@ -353,7 +355,7 @@ export async function plot(joint: Joint | null): Promise<void> {
     const puppet = shownPuppet(current());
     if (puppet !== null) await preview(smoothingOf(puppet));
     await new Promise((resolve) => setTimeout(resolve, 1000));
-  } while (joint !== null && turn === plotting && current().tab === "motion");
+  } while (joint !== null && turn === plotting && current().tab === "motion" && current().face === "workshop");
   if (turn === plotting && joint !== null) void plot(null);
 }
 

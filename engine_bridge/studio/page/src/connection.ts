@@ -1,6 +1,7 @@
 /** The connection to the studio's server: requests with replies, pushed events, uploads and downloads. */
 
 import type { Greeting, ServerError, ServerState, UploadReply } from "./messages";
+import { remember, remembered } from "./storage";
 
 export const RETRY_MILLISECONDS = 1000;
 const SESSION = "puppetline.session";
@@ -46,7 +47,7 @@ export class Connection {
   /** The token of this browser tab: the session's, the one-time token of the address, or that of a kiosk's screen. */
   get token(): string {
     const inAddress = new URLSearchParams(location.hash.slice(1)).get("token");
-    return sessionStorage.getItem(SESSION) ?? inAddress ?? localStorage.getItem(SESSION) ?? "";
+    return sessionStorage.getItem(SESSION) ?? inAddress ?? remembered(SESSION) ?? "";
   }
 
   /** Connect, and connect again when the connection is lost. */
@@ -63,7 +64,7 @@ export class Connection {
         greeted = true;
         sessionStorage.setItem(SESSION, message.hello.session);
         // The screen of a service that runs by itself opens again after a restart of the browser.
-        if (message.hello.joined) localStorage.setItem(SESSION, message.hello.session);
+        if (message.hello.joined) remember(SESSION, message.hello.session);
         history.replaceState(null, "", location.pathname);
         events.opened(message.hello);
       } else this.receive(message, events);

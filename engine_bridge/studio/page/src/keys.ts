@@ -3,6 +3,7 @@
 import { record, redo, removeSelected, save, undo } from "./actions";
 import { closeFilm, play } from "./film";
 import { finishLimb } from "./panels/toolbar";
+import { takeKeys } from "./panels/strip";
 import { current, update } from "./store";
 
 async function toggleRecording(): Promise<void> {
@@ -15,9 +16,10 @@ export function keys(event: KeyboardEvent): void {
   const typing = event.target instanceof HTMLInputElement && event.target.type !== "checkbox" && event.target.type !== "range";
   const command = event.ctrlKey || event.metaKey;
   const key = event.key.toLowerCase();
+  const { face, clip, character, made, asking } = current();
+  if (event.repeat || ((made !== null || asking !== null) && key !== "escape")) return;
   if (command && key === "s") {
-    const { character } = current();
-    if (character !== null) void save(character);
+    if (face === "workshop" && character !== null) void save(character);
   } else if (typing) return;
   else if (command && key === "z") (event.shiftKey ? redo : undo)();
   else if (command && key === "y") redo();
@@ -27,7 +29,11 @@ export function keys(event: KeyboardEvent): void {
   else if (key === "escape" && current().made !== null) closeFilm();
   else if (key === "escape") update({ help: false, selection: null, joint: null, channel: null, target: null, finding: null, tool: "select", drawn: [], clip: null, drawer: null, asking: null });
   else if (key === "enter" && current().drawn.length >= 2 && event.target === document.activeElement) finishLimb();
-  else if (key === "delete" || key === "backspace") removeSelected();
+  else if (face === "film") {
+    const isFree = !(event.target instanceof HTMLElement && event.target.matches("input, select, summary, video, [role='tab']"));
+    if (clip !== null && isFree) takeKeys(event, clip);
+    return;
+  } else if (key === "delete" || key === "backspace") removeSelected();
   else return;
   event.preventDefault();
 }

@@ -350,6 +350,14 @@ function flat(child: Child): (Node_ | string)[] {
   return "tag" in child ? [child] : child.flatMap(flat);
 }
 
+/** Siblings have different keys, by which they are found again when the page is drawn. */
+function checkKeys(siblings: readonly (Node_ | string)[]): void {
+  const nodes = siblings.filter((node) => typeof node !== "string");
+  const keyed = nodes.map(({ attributes }) => attributes.key).filter((key) => key !== undefined);
+  if (new Set(keyed).size < keyed.length) throw new Error(`siblings have the same key: ${keyed.join()}`);
+  for (const { children } of nodes) checkKeys(children);
+}
+
 const textOf = (node: Node_ | string): string => typeof node === "string" ? node : node.children.map(textOf).join("");
 
 /** An element of the page, as a user finds it. */
@@ -481,7 +489,9 @@ export class Page {
     const live = [figure(current(), this.joints, (joint) => {
       this.emphasised = joint;
     }), meters(current(), this.channels)];
-    return [...page(current(), viewer), live].flatMap(flat);
+    const nodes = [...page(current(), viewer), live].flatMap(flat);
+    checkKeys(nodes);
+    return nodes;
   }
 
   get text(): string {
@@ -530,7 +540,7 @@ export class Page {
 
   /** Press a key of the page, outside of fields, or inside of the one that is typed into. */
   async press(key: string, more: object = {}): Promise<void> {
-    keys(Object.assign({ key, ctrlKey: false, metaKey: false, shiftKey: false, target: null, preventDefault: () => undefined }, more) as unknown as KeyboardEvent);
+    keys(Object.assign({ key, ctrlKey: false, metaKey: false, shiftKey: false, repeat: false, target: null, preventDefault: () => undefined, stopPropagation: () => undefined }, more) as unknown as KeyboardEvent);
     await soon();
   }
 

@@ -4,6 +4,7 @@ import test from "node:test";
 import type { Timeline } from "../src/messages";
 import { editScene, position } from "../src/film";
 import { EMPTY, filmOf } from "../src/model/film";
+import { update } from "../src/store";
 import { NAME, Page, clip, pass, saved, take, typing } from "./page";
 
 const TIMELINE: Timeline = { position: 1, moment: 0, start: 0, end: 8, speed: 2, paused: false, loop: false, takes: [] };
@@ -124,8 +125,19 @@ test("a take of the film is moved, muted and deleted by keys and buttons, and ea
   await page.button("Redo").click();
   both([0, false], [3.9, false]);
   await clips()[1]?.click();
-  await page.button("Delete").click();
+  update({ face: "film" });
+  await page.press("ArrowRight", { repeat: true });
+  both([0, false], [3.9, false]);
+  await page.press("ArrowRight");
+  both([0, false], [4, false]);
+  update({ asking: "film" });
+  await page.press("Delete");
+  both([0, false], [4, false]);
+  await page.press("Escape");
+  await clips()[1]?.click();
+  await page.press("Delete");
   both([0, false]);
+  update({ face: "workshop" });
   await page.button("Takes").click();
   await page.line("Take 2, 4 seconds").click();
   await page.button("Add to the film").click();

@@ -6,6 +6,9 @@ import type { Film } from "./film";
 
 type Scene = Film["scene"];
 
+/** Greatest distance of a character from the middle to a side, in metres. */
+export const FARTHEST = 6;
+
 /** The name of a character for people: that of the example, or of its file without its ending, and a number from the second one on. */
 export function titleOf(name: string, title: string): string {
   const file = (title === "" ? name : title).replace(/\.\w+$/, "").replace(/ \(example\)$/, "");

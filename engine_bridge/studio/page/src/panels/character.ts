@@ -4,7 +4,7 @@ import { closeCharacter } from "../actions";
 import { type Node_, h } from "../dom";
 import { editScene } from "../film";
 import type { FilmCharacter } from "../messages";
-import { rowOf, titleOf, withRow } from "../model/scene";
+import { FARTHEST, rowOf, titleOf, withRow } from "../model/scene";
 import { type State, isJoined, shownCharacter, update } from "../store";
 import { strings } from "../strings";
 import { portrait } from "./characters";
@@ -12,9 +12,6 @@ import { button, checkbox, entry, section, slider } from "./parts";
 
 /** Colours by which a character's own are multiplied; null leaves them. */
 const COLOURS = [null, "#ffb3ae", "#ffd08a", "#fff3a6", "#b9efb0", "#a6d8ff", "#d9b8ff", "#ffb8e0", "#9aa0aa"];
-
-/** Greatest distance from the middle, in metres. */
-const FARTHEST = 6;
 
 export function character(state: State, height: number | null): Node_ {
   const { character: words } = strings;
@@ -61,12 +58,12 @@ export function character(state: State, height: number | null): Node_ {
         change({ position: [value, z] });
       }, (value) => {
         slide({ position: [value, z] });
-      }, words.metres(Math.abs(x))),
+      }, words.across(x)),
       slider(words.forwards, z, { min: -FARTHEST, max: FARTHEST, step: 0.1 }, (value) => {
         change({ position: [x, value] });
       }, (value) => {
         slide({ position: [x, value] });
-      }, words.metres(Math.abs(z))),
+      }, words.along(z)),
       slider(words.turn, draft.turn ?? row.turn ?? 0, { min: -180, max: 180, step: 5 }, (turn) => {
         change({ turn });
       }, (turn) => {

@@ -58,7 +58,7 @@ function card(state: State, { name, title }: CharacterState): Node_ {
       },
       portrait(state, name),
       h("span", { class: "name" }, titleOf(name, title)),
-      h("small", { class: takes === 0 ? "missing" : null }, words.takes(takes)),
+      h("small", {}, words.takes(takes)),
     ),
   );
 }

@@ -14,6 +14,9 @@ const SETS = Object.keys(strings.scene.sets);
 /** Loudness of the music when none was chosen, in decibels. */
 const MUSIC_GAIN = -14;
 
+/** Loudness of the quietest music, in decibels. */
+const QUIETEST = -40;
+
 export function scene(state: State): Node_ {
   return h("div", { class: "stack", key: "scene" }, titles(state), place(state), music(state), shots(state), bubbles(state));
 }
@@ -90,9 +93,9 @@ function music({ film }: State): Node_ {
       }, { pressed: chosen.file != null }),
     ),
     !none &&
-      slider(words.loudness, chosen.gain ?? MUSIC_GAIN, { min: -40, max: 0, step: 1 }, (gain) => {
+      slider(words.loudness, chosen.gain ?? MUSIC_GAIN, { min: QUIETEST, max: 0, step: 1 }, (gain) => {
         change({ ...chosen, gain });
-      }),
+      }, undefined, words.percent(1 - (chosen.gain ?? MUSIC_GAIN) / QUIETEST)),
   );
 }
 
@@ -191,8 +194,9 @@ function shots(state: State): Node_ {
       ]),
     ),
     button(words.addShot, () => {
-      const at = rows.length === 0 ? 0 : now();
-      if (!rows.some((row) => (row.at ?? 0) === at)) change(rows.length, { at, ...(at === 0 ? {} : { shot: "follow" as const, show: state.character === null ? [] : [state.character] }) });
+      let at = rows.length === 0 ? 0 : now();
+      while (rows.some((row) => (row.at ?? 0) === at)) at++; // a second after one that is there
+      change(rows.length, { at, ...(at === 0 ? {} : { shot: "follow" as const, show: state.character === null ? [] : [state.character] }) });
     }),
   );
 }
@@ -215,7 +219,7 @@ function item<T extends { readonly at?: number; readonly seconds?: number }>(key
       }, { min: 0, step: 0.5 })),
       row.seconds !== undefined && field(words.long, number(row.seconds, (seconds) => {
         change({ ...row, seconds });
-      }, { min: 0.1, step: 0.5 })),
+      }, { min: 0.5, step: 0.5 })),
     ),
     button(words.remove, () => {
       change(null);

@@ -8,10 +8,10 @@ import { strings } from "../strings";
 
 export function seen({ look }: State): Node_ {
   const { performer: words } = strings;
-  if (look === null) return h("p", { class: "small", key: "look", role: "status" }, words.lookWait);
+  if (look === null) return h("p", { class: "small", key: "seen", role: "status" }, words.lookWait);
   return h(
     "div",
-    { class: "look", key: "look", reveal: true },
+    { class: "look", key: "seen", reveal: true },
     look.picture === "" ? h("p", { class: "small" }, words.noPicture) : picture(look),
     look.problems.map(({ text, fix }) => h("p", { class: "small" }, h("strong", {}, text), fix === "" ? "" : ` ${fix}`)),
     look.performers.map(({ text }) => h("p", { class: "small" }, text)),

@@ -10,7 +10,9 @@ export function showTitles({ film, server }: State, seconds: number): void {
   const box = document.querySelector<HTMLElement>(".shown-titles");
   if (box === null) return;
   const rows = server?.timeline == null ? [] : film.present.scene.title.filter(({ at = 0, seconds: long = SECONDS }) => at <= seconds && seconds < at + long);
-  if (box.childElementCount === rows.length && rows.every(({ text }, i) => box.children[i]?.textContent === text)) return;
+  const written = JSON.stringify(rows);
+  if (box.dataset.rows === written) return;
+  box.dataset.rows = written;
   box.replaceChildren(
     ...rows.map(({ text, place = "middle", size = SIZE, color = "white", font = "plain" }) => {
       const title = document.createElement("p");

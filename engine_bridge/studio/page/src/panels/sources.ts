@@ -1,6 +1,6 @@
 /** All available sources: examples, recordings, sensors, and ports with what arrives there. Those above stay where they are. */
 
-import { lookAgain, perform, performKinect, performLive, performWebcam } from "../actions";
+import { isKinect, lookAgain, perform, performKinect, performLive, performWebcam } from "../actions";
 import { type Child, type Node_, h } from "../dom";
 import { chooseFiles } from "../files";
 import type { Device, Port } from "../messages";
@@ -60,7 +60,7 @@ export function you({ server, busy, faces }: State): Node_ {
     }, looking),
     button(words.kinect, () => {
       void performKinect();
-    }, { key: "kinect", disabled: looking, pressed: server?.source.kind === "live" && !performs("camera:") }),
+    }, { key: "kinect", disabled: looking, pressed: server?.source.kind === "live" && isKinect(server.source.uri) }),
   );
 }
 

@@ -12,7 +12,8 @@ export function status(state: State, drawn: number): Node_ {
   const shown = shownCharacter(state);
   const service = server?.service;
   const running = connected === "open" && service?.running === true;
-  const starting = service?.starting === true || connected === "connecting";
+  const again = connected === "lost" && state.greeting !== null; // the page connects again by itself
+  const starting = service?.starting === true || connected === "connecting" || again || (connected === "open" && server === null);
   const idle = connected === "open" && service?.problem === "" && server?.characters.length === 0;
   const text =
     connected === "connecting" ? banner.connecting

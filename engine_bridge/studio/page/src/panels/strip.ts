@@ -142,7 +142,7 @@ function clip(state: State, server: ServerState, take: FilmTake, index: number, 
           update({ clip: index });
         },
         onkeydown: (event: KeyboardEvent) => {
-          keys(event, index);
+          takeKeys(event, index);
         },
         onpointerdown: drag((by, character) => move(take_(), index, by, character)),
       },
@@ -163,7 +163,7 @@ function waveStyle(url: string, { start }: FilmTake, whole: number): string {
 }
 
 /** Move a take or its edge with the arrow keys by a tenth of a second, and delete it. */
-function keys(event: KeyboardEvent, index: number): void {
+export function takeKeys(event: KeyboardEvent, index: number): void {
   const by = event.key === "ArrowRight" ? 0.1 : event.key === "ArrowLeft" ? -0.1 : 0;
   if (by !== 0) editTakes(move(take_(), index, by));
   else if (event.key === "Delete" || event.key === "Backspace") editTakes(remove(take_(), index), { clip: null });

@@ -1,11 +1,13 @@
 /** The lasting key of this screen, from its address after `#key=`; it is kept for an address without one. */
 
+import { remember, remembered } from "../storage";
+
 const KEPT = "puppetline.screen";
 
 export function screenKey(): string {
   const given = new URLSearchParams(location.hash.slice(1)).get("key");
-  if (given !== null) localStorage.setItem(KEPT, given);
-  return given ?? localStorage.getItem(KEPT) ?? "";
+  if (given !== null) remember(KEPT, given);
+  return given ?? remembered(KEPT) ?? "";
 }
 
 /** Fetch with the key; fails unless the server accepts it. */

@@ -51,6 +51,7 @@ export const film = {
     } as Record<string, string>,
     ownMusic: "My own…",
     loudness: "How loud",
+    percent: (share: number) => `${Math.round(100 * share)} %`,
     titles: "Titles",
     title: (n: number) => `Title ${n}`,
     firstTitle: "What is your film called?",
@@ -89,6 +90,8 @@ export const film = {
     height: "How tall",
     metres: (metres: number) => `${metres < 1 ? metres.toFixed(2) : metres.toFixed(1)} m`,
     place: "Place",
+    across: (x: number) => `${Math.abs(x).toFixed(1)} m${x < 0 ? " to the left" : x > 0 ? " to the right" : ""}`,
+    along: (z: number) => `${Math.abs(z).toFixed(1)} m${z < 0 ? " to the back" : z > 0 ? " to the front" : ""}`,
     sideways: "Left, right",
     forwards: "Back, front",
     turn: "Turned",
@@ -126,12 +129,6 @@ export const film = {
     yours: "Your film",
     download: "Save the film",
     close: "Close",
-  },
-
-  kiosk: {
-    making: "Your film is being made. Wait a moment…",
-    open: (host: string) => `Your film! Open ${host}/clips and type`,
-    minutes: (minutes: number) => `It is there for ${count(minutes, "minute")}.`,
   },
 
   install: {

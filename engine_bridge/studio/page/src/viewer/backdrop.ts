@@ -6,7 +6,7 @@ import { BackSide, CircleGeometry, Color, Group, Mesh, MeshBasicMaterial, Repeat
 const [AROUND, LOWEST, HIGHEST] = [120, -10, 35];
 
 /** Distance of the picture, in metres. */
-const RADIUS = 80;
+export const RADIUS = 80;
 
 export class Backdrop {
   private readonly around = new MeshBasicMaterial({ side: BackSide, depthWrite: false, fog: false });

@@ -18,7 +18,7 @@ import {
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 
 import { type Ray, type Vector, subtract } from "../model/vector";
-import { Backdrop } from "./backdrop";
+import { Backdrop, RADIUS } from "./backdrop";
 import type { Figure } from "./figure";
 import type { Colours } from "./overlay";
 
@@ -220,7 +220,12 @@ export class Stage {
 
   /** Where a point of a character's file is on the screen: x, y in pixels, and depth; null behind the camera. */
   project(figure: Figure, [x, y, z]: Vector): Vector | null {
-    const point = figure.group.localToWorld(new Vector3(x, y, z)).project(this.camera);
+    return this.onScreen(figure.group.localToWorld(new Vector3(x, y, z)));
+  }
+
+  /** Where a point of the view is on the screen: x, y in pixels, and depth; null behind the camera. */
+  onScreen(of: Vector3): Vector | null {
+    const point = of.clone().project(this.camera);
     return point.z > 1 ? null : [((point.x + 1) / 2) * this.width, ((1 - point.y) / 2) * this.height, point.z];
   }
 
@@ -261,7 +266,7 @@ function aim(camera: PerspectiveCamera, box: Box3, from: Vector3, room: number):
   camera.position.copy(centre).add(from.clone().normalize().multiplyScalar(distance));
   camera.lookAt(centre);
   camera.near = distance / 100;
-  camera.far = distance * 50;
+  camera.far = Math.max(50 * distance, 2.5 * RADIUS); // the picture of the place stays in sight
   camera.updateProjectionMatrix();
   camera.updateMatrixWorld();
   return centre;

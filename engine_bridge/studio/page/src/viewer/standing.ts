@@ -3,6 +3,7 @@
 import { type Box3, Plane, type Ray, Vector3 } from "three";
 
 import type { FilmCharacter } from "../messages";
+import { FARTHEST } from "../model/scene";
 
 export type Draft = { readonly name: string } & Partial<FilmCharacter>;
 
@@ -24,6 +25,6 @@ export function dragged(row: FilmCharacter, from: Ray, to: Ray): Draft | null {
   const [a, b] = [from, to].map((ray) => ray.intersectPlane(FLOOR, new Vector3()));
   if (a == null || b == null) return null;
   const [x, z] = row.position ?? [0, 0];
-  const round = (value: number): number => Math.round(100 * value) / 100;
+  const round = (value: number): number => Math.round(100 * Math.min(Math.max(value, -FARTHEST), FARTHEST)) / 100;
   return { name: row.name, position: [round(x + b.x - a.x), round(z + b.z - a.z)] };
 }

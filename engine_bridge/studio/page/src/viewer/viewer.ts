@@ -352,16 +352,18 @@ export class Viewer {
   /** Choose a character by a click, or begin to drag it over the floor; a drag beside all characters moves the camera. */
   private grasp(event: PointerEvent): void {
     const { offsetX: x, offsetY: y } = event;
-    const from = this.stage.through(x, y);
-    const name = characterAt(from, this.present());
+    const name = characterAt(this.stage.through(x, y), this.present());
     if (event.button !== 0 || name === null) return;
     event.stopImmediatePropagation(); // the camera stays
     this.overlay.setPointerCapture(event.pointerId);
     const row = rowOf(current().film.present.scene, name);
+    const stands = this.figures.get(name)?.group.position ?? new Vector3();
+    const foot = this.stage.onScreen(new Vector3(stands.x, 0, stands.z)); // it follows the pointer wherever it was grasped
+    const from = foot === null ? null : this.stage.through(foot[0], foot[1]);
     let draft: Draft | null = null;
     const drag = (moved: PointerEvent): void => {
-      if (row === undefined || (draft === null && Math.hypot(moved.offsetX - x, moved.offsetY - y) <= SLOP)) return;
-      draft = dragged(row, from, this.stage.through(moved.offsetX, moved.offsetY)) ?? draft;
+      if (row === undefined || foot === null || from === null || (draft === null && Math.hypot(moved.offsetX - x, moved.offsetY - y) <= SLOP)) return;
+      draft = dragged(row, from, this.stage.through(foot[0] + moved.offsetX - x, foot[1] + moved.offsetY - y)) ?? draft;
       if (draft !== null) this.callbacks.standing(draft);
     };
     this.untilRelease(drag, () => {

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 
-import { MAX_STEPS, begin, commit, redo, undo } from "../src/model/history";
+import { MAX_STEPS, begin, commit, redo, settle, undo } from "../src/model/history";
 
 test("undo returns through all steps, and redo to the last one", () => {
   const made = commit(commit(begin("a"), "b"), "c");
@@ -26,4 +26,11 @@ test("only the newest steps are kept", () => {
   for (let step = 1; step <= MAX_STEPS + 5; step++) made = commit(made, step);
   assert.equal(made.past.length, MAX_STEPS);
   assert.equal(made.past[0], 5);
+});
+
+test("a step that changed nothing after all is none, and other steps stay", () => {
+  const made = commit(commit(begin("a"), "b"), "c");
+  assert.deepEqual(settle(made, "b"), commit(begin("a"), "b"));
+  assert.deepEqual(settle(undo(made), "c"), { past: ["a"], present: "c", future: [] });
+  assert.deepEqual(settle(made, "d"), { ...made, present: "d" });
 });

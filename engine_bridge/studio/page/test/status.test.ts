@@ -11,6 +11,7 @@ test("a page whose connection is lost says so, and connects again with its sessi
   await pass(999);
   assert.ok(page.text.includes("The studio does not answer."));
   assert.deepEqual(page.state.busy, []);
+  assert.deepEqual(page.every("span", "lamp").map((lamp) => lamp.is("class")), ["lamp starting"]);
   assert.ok(page.button("Record").disabled);
   await pass(1);
   assert.equal(page.state.connected, "open");

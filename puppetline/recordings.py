@@ -19,7 +19,7 @@ from capture.sources import registry
 from capture.timeline import Timeline, choose
 from engine_bridge.performance.clip import resting_pose, timeline_of
 from engine_bridge.performance.settings import Settings
-from puppetline.errors import SourceError
+from puppetline.errors import RecordingEndError
 
 
 class Recording:
@@ -106,10 +106,8 @@ class LiveSource:
             wait(self._source, math.inf)
             try:
                 events = self._source.receive()
-            except SourceError:
-                if self._source.recorded and not getattr(self._source, "damaged", False):
-                    return
-                raise
+            except RecordingEndError:
+                return
             yield from (event for event in newest(events) if isinstance(event, SkeletonFrame))
 
     def close(self) -> None:

@@ -71,7 +71,13 @@ class RecordingSource:
         )
         self._next = self._next_event()
         if self._next is None:
-            raise self._end
+            raise (
+                self._end
+                if not isinstance(self._end, RecordingEndError)
+                else SourceError(
+                    name, found="a recording without frames", expected="frames of a performer", fix="Record again."
+                )
+            )
         self._last_time = self._next.time
         self._started_at: float | None = None  # on the monotonic clock, when the recording's clock was at _start
         self._start = self._next.time

@@ -116,7 +116,7 @@ class Reporter:
             clients=clients,
             outputs=outputs,
             timeline=timeline,
-            clips=clips,
+            clips=list(clips),
         )
 
     def _service(self) -> ServiceStatus:

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from itertools import permutations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from solver.surface.mesh import SolverMesh
 
@@ -203,7 +203,7 @@ def _mirroring(points: NDArray[np.float64], axis: int, diagonal: float) -> tuple
     The distance is in diagonals, at most 0.03 per point, so that a sword in one hand does not matter much.
     """
     along = points[:, axis]
-    tree = cKDTree(points)
+    tree = scipy.spatial.cKDTree(points)
     found = []
     for middle in (0.0, along.mean(), np.median(along), (along.min() + along.max()) / 2):
         mirrored = points[::3].copy()

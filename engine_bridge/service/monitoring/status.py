@@ -4,7 +4,7 @@
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 
@@ -258,7 +258,7 @@ class Status:
     clients: ClientsStatus
     outputs: Sequence[OutputStatus]
     timeline: TimelineStatus | None = None
-    clips: Sequence[ClipStatus] = ()
+    clips: list[ClipStatus] = field(default_factory=list)
 
     @property
     def performing(self) -> int:

@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 
 import igl
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from puppetline.examples import film
@@ -43,6 +44,8 @@ REPLACED = {
     "7402": "0",
     "--sound": "--sound=voice.wav",
     "MESH": "figure.glb",
+    r"^dance\.mp4$": "dance.txt",  # tests/engine_bridge/service/test_video.py tracks a video
+    r"^couple\.glb$": "couple.obj",
 }
 """Arguments that need a device or a certain port, and what takes their places."""
 
@@ -93,6 +96,8 @@ def folder(tmp_path_factory, short_examples, blob, blob_file, limbed_puppet, tak
     shutil.copy(folder / "out/human.toml", folder / "out/mine.toml")
     record_events(folder / "whole.log", clean("walk").frames())
     igl.write_triangle_mesh(str(folder / "robot.obj"), blob.vertices.astype(float), blob.faces)
+    both = np.vstack([blob.vertices, blob.vertices + np.array([2 * np.ptp(blob.vertices[:, 0]), 0, 0])])
+    igl.write_triangle_mesh(str(folder / "couple.obj"), both, np.vstack([blob.faces, blob.faces + len(blob.vertices)]))
     for name in ("recordings/a.log", "more/1/S001.skeleton", "take.bvh", "dance.txt", "evening.log", "kung_fu.log"):
         shutil.copy(take, folder / name)  # what a recording is does not depend on its name
     with wave.open(str(folder / "voice.wav"), "wb") as sound:

@@ -14,6 +14,7 @@ from .test_puppet import CHARACTER, PUPPET
 WHOLE = r"""
 [character]
 mesh = "a \"dog\" \\ \u0007 é 🐕.glb"
+body = 2
 up = "-z"
 front = "x"
 scale = 1e-300

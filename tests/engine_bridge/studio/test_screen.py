@@ -3,6 +3,7 @@
 import io
 import time
 from contextlib import closing
+from importlib import import_module
 
 import av
 import numpy as np
@@ -10,8 +11,7 @@ import pytest
 import segno
 from PIL import Image
 
-from benchmarks.visitor import write_visitor
-
+from ...conftest import ROOT
 from ..service.conftest import free_port
 from .page_driver import TIMEOUT_SECONDS, Command
 
@@ -63,7 +63,9 @@ SHOWN = """(async () => {
 def screen_address(blob_puppet, tmp_path_factory, free_port):
     """The address of the screen of a kiosk, whose visitor records again and again."""
     folder = tmp_path_factory.mktemp("kiosk")
-    write_visitor(folder / "visitor.log", dance=1.0, away=1.0)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(ROOT)
+        import_module("benchmarks.visitor").write_visitor(folder / "visitor.log", dance=1.0, away=1.0)
     (folder / "kiosk.toml").write_text(SETTINGS.format(port=free_port(), phones=free_port(), puppet=blob_puppet))
     arguments = "serve", "--config", "kiosk.toml", "--studio", free_port()
     with closing(Command(*arguments, cwd=folder, environment={"XDG_STATE_HOME": str(folder)})) as service:

@@ -107,12 +107,12 @@ def test_new_characters_stand_beside_the_others_without_touching_them_and_leave_
         film.introduce(name, widths)
     places = {each.name: each.position[0] for each in film.scene.character}
     assert places == {"dog": 0.0, "dragon": 3.8, "cat": -1.0, "mouse": -1.55}
-    shots = (CameraTable(show=("dog", "cat"), behind="cat"),)
+    shots = (CameraTable(show=("dog",), behind="cat"), CameraTable(at=1.0, show=("dog", "cat")))
     bubbles = (BubbleTable(character="cat", kind="name"),)
     film.replace([], [], film.scene.model_copy(update={"camera": shots, "bubble": bubbles}))
     film.remove("cat")
     assert film.scene.bubble == ()
-    assert film.scene.camera == (CameraTable(show=("dog",)),)
+    assert film.scene.camera == (CameraTable(show=("dog",)), CameraTable(at=1.0, show=("dog",)))
 
 
 @pytest.mark.parametrize(

@@ -36,6 +36,12 @@ def bound_to_parent(environment: Mapping[str, str] = os.environ) -> dict[str, An
     return {"stdin": subprocess.PIPE, "env": {**environment, VARIABLE: "1"}}
 
 
+def lower_priority(process_id: int, niceness: int) -> None:
+    """Let other processes go before a child process, where the system has a niceness for it."""
+    if sys.platform != "win32":
+        os.setpriority(os.PRIO_PROCESS, process_id, niceness)
+
+
 @contextmanager
 def kept_running(command: Sequence[str], environment: Mapping[str, str] = os.environ) -> Iterator[None]:
     """Run a command that writes to this process's outputs until the block ends; start it again when it ends.

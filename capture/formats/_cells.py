@@ -16,7 +16,7 @@ MAX_HEADER_ROWS = 8
 """Number of lines above the first row that may name the columns."""
 
 OTHER_HEADER_ROWS = frozenset(("id", "parent", "type"))
-"""What header rows that do not name columns begin with, after an empty cell (OptiTrack Motive)."""
+"""First words of header rows that do not name columns. An empty cell precedes them (OptiTrack Motive)."""
 
 UNKNOWN = frozenset(("", "nan", "null", "none", "na", "n/a", "-", "inf", "-inf", "undefined"))
 """Cells in lower case that stand for a value which is not known."""
@@ -177,5 +177,5 @@ def _names(header: list[list[str]], width: int) -> list[list[str]]:
 
 
 def _label(row: list[str]) -> str:
-    """Return what a header row says about itself above a column that has no name there."""
+    """Return the first word of a header row that begins with an empty cell, in lower case; "" for other rows."""
     return "" if row[0] else next(filter(None, row), "").lower()

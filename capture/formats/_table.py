@@ -252,7 +252,7 @@ class Table:
 
     @property
     def layouts(self) -> list[Layout]:
-        """What the columns are, for each performer who has own ones; an error if none are positions of joints."""
+        """The columns of each performer, or one layout if performers share columns; an error without positions."""
         if not self._layouts:
             names = ", ".join(filter(None, self._names[:12]))
             flat = "x" in names.lower() and not any("z" in name.lower() for name in self._names)

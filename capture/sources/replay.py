@@ -66,18 +66,15 @@ class RecordingSource:
         self.recorded = True
         self._play = play
         self._events = self._passes() if loop else self.events()
-        self._end: PuppetlineError = RecordingEndError(
-            name, found="the end of the recording", expected="more frames", fix="Add ?loop to play it in a loop."
+        self._end: PuppetlineError = SourceError(
+            name, found="a recording without frames", expected="frames of a performer", fix="Record again."
         )
         self._next = self._next_event()
         if self._next is None:
-            raise (
-                self._end
-                if not isinstance(self._end, RecordingEndError)
-                else SourceError(
-                    name, found="a recording without frames", expected="frames of a performer", fix="Record again."
-                )
-            )
+            raise self._end
+        self._end = RecordingEndError(
+            name, found="the end of the recording", expected="more frames", fix="Add ?loop to play it in a loop."
+        )
         self._last_time = self._next.time
         self._started_at: float | None = None  # on the monotonic clock, when the recording's clock was at _start
         self._start = self._next.time

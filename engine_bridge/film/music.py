@@ -99,8 +99,9 @@ def piece(name: MusicLoop) -> NDArray[np.float32]:
     count = round(len(bars) * beats * 2 * half * SAMPLE_RATE)
     left, right = np.zeros((2, count))
     for start, length, note in _notes(melody):
-        _add(left, start * half, 0.9 * _tone(instrument, note, length * half))
-        _add(right, start * half + 0.008, 0.9 * _tone(instrument, note, length * half))
+        tone = 0.9 * _tone(instrument, note, length * half)
+        _add(left, start * half, tone)
+        _add(right, start * half + 0.008, tone)
     for bar, chord in enumerate(bars):
         notes = [_frequency(each) for each in chord.split("+")]
         for step, (letter, drum) in enumerate(zip(pattern, drums, strict=True)):

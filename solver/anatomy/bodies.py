@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from solver.anatomy import orientation
 from solver.anatomy.axes import unit_vector
-from solver.anatomy.orientation import sample
+from solver.anatomy.orientation import FILE_UPS, sample
 from solver.surface.mesh import SolverMesh
 from solver.surface.near_points import connected_components
 
@@ -62,9 +62,6 @@ TWIN_DIFFERENCE = 0.02
 
 MIN_HEIGHT = 1e-6
 """Minimum height of what may stand, as a share of its extent."""
-
-FILE_UPS = ("y", "z")
-"""Directions that are up in files with a floor."""
 
 
 def find_bodies(mesh: SolverMesh, together: NDArray[np.int64] | None = None) -> NDArray[np.int64]:

@@ -24,7 +24,7 @@ MIN_RATIOS, MIN_SPECIFIED_RATIOS = (0.02, 0.5), (0.005, 0.15)
 shape is not clear; in the order of the probabilities above. An insect might stand on its nose, but almost all files
 have y or z up."""
 
-FILE_UPS = {"y", "z"}
+FILE_UPS = ("y", "z")
 """Axes of which one is up if the shape is not clear."""
 
 SAMPLE_COUNT = 6000

@@ -124,7 +124,7 @@ def test_no_kind_of_error_but_the_family_itself_includes_another():
     of_family = {(kind, PuppetlineError) for kind in KINDS[1:]}
     assert {(a, b) for a in KINDS for b in KINDS if a is not b and issubclass(a, b)} == {
         *of_family,
-        (errors.RecordingEndError, SourceError),  # who asks for no more than whether a source goes on catches both
+        (errors.RecordingEndError, SourceError),  # a caller that only asks whether a source goes on catches both
     }
 
 

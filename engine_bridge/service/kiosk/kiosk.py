@@ -2,7 +2,6 @@
 
 import logging
 import math
-import os
 import shutil
 import subprocess
 import sys
@@ -20,7 +19,7 @@ from engine_bridge.service.monitoring.status import ClipStatus
 from engine_bridge.service.stages.stage_runner import StageRunner
 from engine_bridge.service.takes.count_in import CountIn
 from puppetline import clock
-from puppetline.child_process import bound_to_parent
+from puppetline.child_process import bound_to_parent, lower_priority
 from puppetline.errors import PuppetlineError
 
 LOW_PRIORITY = 10
@@ -181,8 +180,7 @@ class Kiosk:
         process = self._process = subprocess.Popen([*command, "--force"], **outputs, **bound_to_parent())  # noqa: S603
         if self._closed:  # meanwhile
             process.kill()
-        if sys.platform != "win32":
-            os.setpriority(os.PRIO_PROCESS, process.pid, LOW_PRIORITY)
+        lower_priority(process.pid, LOW_PRIORITY)
         assert process.stderr is not None  # noqa: S101 - a pipe was asked for
         errors = process.stderr.read()  # `communicate` would close the standard input
         return process.wait(), errors.decode(errors="replace")

@@ -128,7 +128,7 @@ NAMED: dict[Any, str] = {
 
 def files() -> dict[str, str]:
     """Return the text of each file by its name."""
-    waiting, bodies, imported = list[type](ROOTS), dict[type, str](), set[str]()
+    waiting, bodies = list[type](ROOTS), dict[type, str]()
     while waiting:
         each = waiting.pop(0)
         if each not in bodies:
@@ -138,12 +138,11 @@ def files() -> dict[str, str]:
                 f"  readonly {key}{'?' * (key in omitted)}: {_type(kind, used)};\n" for key, kind in _keys(each)
             )
             bodies[each] = f"\nexport interface {_name(each)} {{\n{keys}}}\n"
-            imported |= set() if each in TABLES else {_name(other) for other in used if other in TABLES}
             waiting += used
     aliases = {name: f"\nexport type {name} = {_union(alias)};\n" for name, alias in ALIASES.items()}
     tables = "".join([aliases.pop("Direction"), aliases.pop("AxisSet"), *_of(bodies, TABLES)])
     others = "".join([*aliases.values(), *_of(bodies, bodies.keys() - TABLES)])
-    imported |= {name for name in ("Puppet",) if re.search(rf"\b{name}\b", others)}
+    imported = [name for each in bodies.keys() & TABLES if re.search(rf"\b{(name := _name(each))}\b", others)]
     return {
         "tables.ts": HEADS["tables.ts"] + tables,
         "messages.ts": HEADS["messages.ts"] % ", ".join(sorted(imported)) + others,

@@ -3,11 +3,10 @@
 import asyncio
 import contextlib
 import logging
-import os
 import sys
 from pathlib import Path
 
-from puppetline.child_process import bound_to_parent
+from puppetline.child_process import bound_to_parent, lower_priority
 
 LOW_PRIORITY = 10
 """Niceness of the process."""
@@ -64,8 +63,7 @@ async def _run(*command: str) -> tuple[int, str]:
         **bound_to_parent(),
     )
     try:
-        if sys.platform != "win32":
-            os.setpriority(os.PRIO_PROCESS, process.pid, LOW_PRIORITY)
+        lower_priority(process.pid, LOW_PRIORITY)
         assert process.stderr is not None  # noqa: S101 - a pipe was asked for
         errors = await process.stderr.read()
         return await process.wait(), errors.decode(errors="replace")

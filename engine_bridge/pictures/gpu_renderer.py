@@ -16,6 +16,7 @@ from engine_bridge.character.character import Part
 from engine_bridge.character.materials import Appearance
 from engine_bridge.pictures import gpu_shaders as shaders
 from engine_bridge.pictures.camera import Camera, orthographic
+from engine_bridge.pictures.coarse import coarse_triangles
 from engine_bridge.pictures.gpu_context import make_context
 from engine_bridge.pictures.gpu_scene import Overlay, Panorama, Stage, Surroundings
 from engine_bridge.pictures.renderer import CLAY
@@ -37,6 +38,9 @@ OUTER_SAMPLES, KEY_SAMPLES, SKY_SAMPLES = 5, 6, 5
 
 PENUMBRA, SKY_PENUMBRA = 0.018, 0.09
 """Radii of the soft edges of the shadows of the key light and of the sky, as shares of `Stage.size`."""
+
+SHADOW_CELL = 0.012
+"""Width of the cells of the surface that casts shadows, as a share of its character's size; less than a penumbra."""
 
 FINE_SHARE = 0.02
 """Side of triangles, as a share of their character's size, up to which light is computed at vertices."""
@@ -156,7 +160,10 @@ class GpuRenderer:
         positions, normals = (ctx.buffer(reserve=12 * sum(counts), dynamic=True) for _ in range(2))
         starts = np.cumsum([0, *counts[:-1]])
         solid = [p.triangles + s for p, s, m in zip(parts, starts, materials, strict=True) if m.opacity != "BLEND"]
-        of_shadow = np.concatenate(solid or [np.zeros((0, 3), np.int64)]).astype(np.uint32)
+        everything = np.concatenate([part.vertices for part in parts])
+        largest = float(np.ptp(everything, axis=0).max())
+        casting = np.concatenate(solid or [np.zeros((0, 3), np.int64)])
+        of_shadow = coarse_triangles(everything, casting, max(SHADOW_CELL * largest, 1e-12)).astype(np.uint32)
         drawn = Drawn(positions, normals, self._array(self._shadow, of_shadow, [(positions, "3f", "position")]))
         colors = [_vertex_colors(material) for material in materials]
         uv = ctx.buffer(np.concatenate([material.uv for material in materials]).astype(np.float32))
@@ -167,7 +174,6 @@ class GpuRenderer:
             (tint, "4f", "vertex_color"),
             (uv, "2f", "uv"),
         ]
-        largest = float(np.ptp(np.concatenate([part.vertices for part in parts]), axis=0).max())
         for part, start, material in zip(parts, starts, materials, strict=True):
             fine = _triangle_size(part) <= FINE_SHARE * largest
             program = self._surface(fine, material)

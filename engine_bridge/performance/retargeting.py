@@ -22,6 +22,7 @@ from engine_bridge.puppet.puppet import Puppet, axis_mask
 from solver.model.bones import Bones
 from solver.motion.arms import Arm, Arms
 from solver.motion.deformer import Deformer
+from solver.motion.floor import Floor
 from solver.motion.late_limbs import LateLimbs
 from solver.motion.limb_motion import LimbMotion
 from solver.motion.limbs import Performer
@@ -96,6 +97,10 @@ class Retargeting:
             LateLimbs(limbs.limbs, deformer.bones),
             np.full_like(self._rest, np.nan),
         )
+        self._floor = None
+        if grounding is not None:
+            owner = deformer.model.regions.owner
+            self._floor = Floor(limbs.limbs, deformer.bones, mesh.vertices, owner, self._basis)
         self._now = deepcopy(self._first)
         self._last: SkeletonFrame | None = None  # in which a joint was known
 
@@ -139,6 +144,8 @@ class Retargeting:
         if now.grounding is not None:
             now.grounding.step(frame.time, positions, confidence, motions, root)
         now.late.step(frame.time, motions, root)
+        if self._floor is not None:
+            self._floor.step(motions, root)
         return TargetPose(targets, motions, root)
 
     @property

@@ -106,8 +106,9 @@ def _example(name: str, label: dict, joints: list, named: bool) -> Example | Non
         used += 2 * len(both[:1])
         pair_labels.append(both[0] if both else -1)
     single_labels = []
-    for way in view.branches:
-        own = {each for node in way for each in at.get(node, ())}
+    for row, way in enumerate(view.branches):
+        carries = any(pair_labels[number] >= 0 for number in view.beyond(row))
+        own = {each for node in way for each in at.get(node, ()) if not carries}
         single_labels.append(next((number for number, each in enumerate(SINGLE_LABELS) if each in own), -1))
         used += single_labels[-1] >= 0
     head = single_labels.index(0) if 0 in single_labels else -1

@@ -38,6 +38,12 @@ END_RATIO = 0.5
 """Maximum distance of a foot from the last joint of its leg, as a share of that from joints that have others below
 them."""
 
+INNER_SHARE = 0.2
+"""Minimum share of the contacts of a branch with joints that have others below them, for it to be a whole limb."""
+
+END_PARTS = ("foot", "toes", "hand", "palm")
+"""Parts at the ends of legs and arms."""
+
 BARE_SHARE = 0.005
 """Maximum share of vertices that follow a joint that moves nothing of its own: a root may have a few by mistake."""
 
@@ -76,9 +82,7 @@ def joint_graph(joints: Sequence[Joint]) -> JointGraph | None:
             used.add(index)
             index = joints[index].parent
     parents = {index: joints[index].parent for index in used}
-    sides = [{"left": 1.0, "right": -1.0}.get((meaning and meaning.side) or "", 0.0) for meaning in meanings]
-    labels = [LABEL_OF.get(meaning.part) if meaning else None for meaning in meanings]
-    _hang(joints, sides, labels, parents)
+    _hang(joints, meanings, parents)
     order = _ordered(parents)
     while len(order) > 1 and not len(joints[order[0]].vertices) and sum(parents[i] == order[0] for i in order) == 1:
         parents[order[1]] = -1
@@ -97,7 +101,7 @@ def joint_graph(joints: Sequence[Joint]) -> JointGraph | None:
     for row, meaning in enumerate(own):
         label = (
             "leg"
-            if meaning and meaning.side and meaning.part == "hips"
+            if meaning and meaning.side and meaning.part == "hips" and children[row]
             else LABEL_OF.get(meaning.part if meaning else "")
         )
         if label:
@@ -110,23 +114,25 @@ def joint_graph(joints: Sequence[Joint]) -> JointGraph | None:
         radii,
         counts / max(counts.sum(), 1.0),
         votes,
-        np.array([sides[index] for index in order]),
+        np.array([_side(meaning) for meaning in own]),
         np.array([bool(meaning and meaning.part in FACE_PARTS) for meaning in own]),
         np.array([every.min(axis=0), every.max(axis=0)]),
     )
     return JointGraph(graph, chosen, own)
 
 
-def _hang(
-    joints: Sequence[Joint], sides: Sequence[float], labels: Sequence[str | None], parents: dict[int, int]
-) -> None:
+def _hang(joints: Sequence[Joint], meanings: Sequence[JointMeaning | None], parents: dict[int, int]) -> None:
     """Hang branches that are far from their parents, above which nothing moves vertices, on the joint that they touch.
 
-    Feet with inverse kinematics hang on the root, and parts of an armature may have no parent. The largest branch is
-    the body, and stays where it is.
+    Feet with inverse kinematics hang on the root, and parts of an armature may have no parent. Joints that share
+    triangles touch; of other joints, those whose vertices are nearest do. The largest branch is the body, and stays
+    where it is.
     """
+    sides = [_side(meaning) for meaning in meanings]
+    labels = [LABEL_OF.get(meaning.part) if meaning else None for meaning in meanings]
     total = _held(joints, list(parents))
-    bare = {index for index in parents if len(joints[index].vertices) <= BARE_SHARE * total}
+    inner = {*parents.values()}
+    bare = {index for index in parents if len(joints[index].vertices) <= BARE_SHARE * total * (index in inner)}
     firsts = [index for index in parents if index not in bare and bare.issuperset(_above(parents, index))]
     if not firsts:
         return
@@ -140,36 +146,61 @@ def _hang(
     tops = dict(zip(groups, firsts, strict=True))
     group_of = {index: top for top, group in groups.items() for index in group}
     held = {index: _thinned(joints[index].vertices) for index in group_of if len(joints[index].vertices)}
-    owner = np.concatenate([np.full(len(points), index) for index, points in held.items()])
-    cloud = np.concatenate(list(held.values()))
-    size = float(np.ptp(cloud, axis=0).max())
+    size = float(np.ptp(np.concatenate(list(held.values())), axis=0).max())
     main = max(groups, key=lambda top: _held(joints, groups[top]))
     for top in sorted(groups, key=lambda top: _held(joints, groups[top])):
         parent, own = parents[top], group_of[top]
         near = parent >= 0 and np.linalg.norm(joints[top].place - joints[parent].place) < NEAR_SHARE * size
         side, label = sides[tops[top]], labels[tops[top]]
-        others = np.array(
-            [
-                group_of[index] != own
-                and side * sides[index] >= 0
-                and labels[index] in (None, "trunk", label or labels[index])
-                for index in owner.tolist()
-            ]
-        )
-        if top == main or near or not others.any():
+        allowed = {
+            index
+            for index in held
+            if group_of[index] != own
+            and side * sides[index] >= 0
+            and labels[index] in (None, "trunk", label or labels[index])
+        }
+        if top == main or near or not allowed:
             continue
-        away, which = map(np.asarray, cKDTree(cloud[others]).query(held[tops[top]]))
-        touched = int(owner[others][which[away.argmin()]])
-        if parent >= 0:
-            inner = np.isin(owner, list(parents.values())) & others
-            trunk = np.min(cKDTree(cloud[inner]).query(held[tops[top]])[0]) if inner.any() else np.inf
-            if away.min() > END_RATIO * trunk:
-                continue  # a whole limb; a foot is beyond the last joint of its leg, far from all others
+        ends = [
+            index for index in allowed.difference(parents.values()) if _is_end(meanings[tops[top]], meanings[index])
+        ]
+        contacts = sum((Counter(joints[index].contacts) for index in groups[top]), Counter[int]())
+        touched, whole = _touched(tops[top], ends or list(allowed), {*parents.values()}, contacts, held)
+        if parent >= 0 and whole:
+            continue  # a foot is beyond the last joint of its leg, far from all others
         parents[top], joined = touched, group_of[touched]
         group_of = {index: joined if group == own else group for index, group in group_of.items()}
     main = [main, *_above(parents, main)][-1]
     for root in [index for index in parents if parents[index] < 0 and index != main]:
         parents[root] = main
+
+
+def _touched(
+    first: int, others: list[int], inner: set[int], contacts: Counter[int], held: dict[int, NDArray[np.float64]]
+) -> tuple[int, bool]:
+    """Return which of other joints a branch touches, and whether it is a whole limb: it touches those with children."""
+    touching = {index: contacts[index] for index in others if contacts[index]}
+    if touching:
+        whole = sum(touching[index] for index in inner & touching.keys()) > INNER_SHARE * sum(touching.values())
+        return max(touching, key=lambda index: touching[index]), whole
+    tree = cKDTree(held[first])
+    away = {index: float(np.min(tree.query(held[index])[0])) for index in others}
+    touched = min(away, key=lambda index: away[index])
+    nearest = min((away[index] for index in inner & away.keys()), default=np.inf)
+    return touched, away[touched] > END_RATIO * nearest
+
+
+def _side(meaning: JointMeaning | None) -> float:
+    """Return 1 for left, −1 for right, 0 for none."""
+    return {"left": 1.0, "right": -1.0}.get((meaning and meaning.side) or "", 0.0)
+
+
+def _is_end(foot: JointMeaning | None, leg: JointMeaning | None) -> bool:
+    """Return whether names say that a joint is the foot of a leg, or the hand of an arm."""
+    if foot is None or leg is None or foot.part not in END_PARTS or leg.part in END_PARTS:
+        return False
+    same = LABEL_OF.get(foot.part) == LABEL_OF.get(leg.part)
+    return same and (foot.side, foot.quarter) == (leg.side, leg.quarter)
 
 
 def _held(joints: Sequence[Joint], indices: Sequence[int]) -> int:

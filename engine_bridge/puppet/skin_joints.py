@@ -1,6 +1,8 @@
 """Joints of a character's file, and the vertices that follow them."""
 
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +29,8 @@ class Joint:
         Vertices that follow this joint more than any other.
     label : str
         How puppet files call it.
+    contacts : mapping of int to int
+        Indices of joints whose vertices share triangles with its own, and the numbers of their common sides.
     """
 
     name: str
@@ -34,10 +38,15 @@ class Joint:
     place: NDArray[np.float64]
     vertices: NDArray[np.float64]
     label: str = ""
+    contacts: Mapping[int, int] = field(default_factory=dict)
 
 
 def joints_of(character: Character) -> list[Joint]:
-    """Return the joints of all skins; without skins, the named nodes of a character of several parts."""
+    """Return the joints of all skins; without skins, the named nodes of a character of several parts.
+
+    Vertices of a part without a skin that hangs on a joint follow this joint, if it is a part of the body: if no
+    vertices with a skin follow this joint or one above it. Otherwise it is carried, as a hat or a weapon is.
+    """
     document = character.document
     gltf = document.gltf
     nodes = sorted(character.joints)
@@ -48,17 +57,44 @@ def joints_of(character: Character) -> list[Joint]:
     vrm = _vrm_names(document)
     parents = {child: index for index, node in enumerate(gltf["nodes"]) for child in node.get("children", [])}
     number = {node: index for index, node in enumerate(nodes)}
-    owners, places, labels = _most_followed(character), world_transforms(document)[:, :3, 3], node_labels(document)
-    vertices = character.vertices
-    joints = []
-    for node in nodes:
-        above = parents.get(node)
-        while above is not None and above not in number:
-            above = parents.get(above)
+
+    def joint_at(node: int | None) -> int:
+        while node is not None and node not in number:
+            node = parents.get(node)
+        return -1 if node is None else number[node]
+
+    above = [joint_at(parents.get(node)) for node in nodes]
+    followed, rows = np.unique(_most_followed(character), return_inverse=True)
+    skinned = {number[node] for node in followed.tolist() if node in number}
+
+    def owner(node: int) -> int:
+        joint = over = joint_at(node)
+        while node not in number and over >= 0:
+            if over in skinned:
+                return -1
+            over = above[over]
+        return joint
+
+    owners = np.array([owner(node) for node in followed.tolist()])[rows]
+    places, labels = world_transforms(document)[:, :3, 3], node_labels(document)
+    joints, contacts = [], _contacts(owners[character.triangles], len(nodes))
+    for index, node in enumerate(nodes):
         name = vrm.get(node) or gltf["nodes"][node].get("name", f"node {node}")
-        parent = -1 if above is None else number[above]
-        joints.append(Joint(name, parent, places[node], vertices[owners == node], labels[node]))
+        vertices = character.vertices[owners == index]
+        joints.append(Joint(name, above[index], places[node], vertices, labels[node], contacts[index]))
     return joints
+
+
+def _contacts(triangles: NDArray[np.int64], count: int) -> list[Counter[int]]:
+    """Return how often the sides of triangles lead from each owner of vertices to another one."""
+    found: list[Counter[int]] = [Counter() for _ in range(count)]
+    sides = np.stack([triangles, np.roll(triangles, 1, axis=1)], axis=2).reshape(-1, 2)
+    sides = sides[(sides[:, 0] != sides[:, 1]) & (sides >= 0).all(axis=1)]
+    pairs, numbers = np.unique(sides, axis=0, return_counts=True)
+    for (one, other), number in zip(pairs.tolist(), numbers.tolist(), strict=True):
+        found[one][other] += number
+        found[other][one] += number
+    return found
 
 
 def _vrm_names(document: Document) -> dict[int, str]:

@@ -39,7 +39,20 @@ PAIR_MEASURES = (
     "mass",
     "unlike",
 )
-SINGLE_MEASURES = ("bias", "name", "height", "front", "up", "forward", "length", "thickness", "mass", "aside", "face")
+SINGLE_MEASURES = (
+    "bias",
+    "name",
+    "height",
+    "front",
+    "up",
+    "forward",
+    "length",
+    "thickness",
+    "mass",
+    "aside",
+    "face",
+    "carries",
+)
 ORIENTATION_MEASURES = ("limbs", "up", "front", "sides", "toes", "knees", "elbows", "face", "head", "tail", "likeness")
 
 GROUND_SHARE = 0.06
@@ -76,8 +89,8 @@ def load_weights(section: str, path: Path = WEIGHTS) -> Weights:
     path : Path, optional
     """
     table = tomllib.loads(path.read_text(encoding="utf-8"))[section]
-    rows = dict.fromkeys(PAIR_LABELS, PAIR_MEASURES) | dict.fromkeys(SINGLE_LABELS, SINGLE_MEASURES)
-    rows |= {"orientation": ORIENTATION_MEASURES}
+    rows: dict[str, Sequence[str]] = {"orientation": ORIENTATION_MEASURES}
+    rows |= dict.fromkeys(PAIR_LABELS, PAIR_MEASURES) | dict.fromkeys(SINGLE_LABELS, SINGLE_MEASURES)
     return {label: np.array([float(table[label].get(name, 0.0)) for name in row]) for label, row in rows.items()}
 
 
@@ -237,7 +250,7 @@ class View:
 
     @cached_property
     def single_measures(self) -> NDArray[np.float64]:
-        """`SINGLE_MEASURES` (s, 2, 11) of the branches in the middle, for the head and for the tail."""
+        """`SINGLE_MEASURES` (s, 2, 12) of the branches in the middle, for the head and for the tail."""
         graph, size, middle = self.graph, self.graph.size, (self.low + self.high) / 2
         aside = float(np.median(graph.places @ self.axes[0]))
         rows = []
@@ -255,6 +268,7 @@ class View:
                 graph.masses[below].sum(),
                 abs(end[0] - aside) / size,
                 float(graph.faces[below].any()),
+                float(any(shape.rest[0] > LIMB_SHARE for shape in self.shapes if shape.pair.one in below)),
             ]
             rows.append([[1.0, _said(graph, way, label), *rest] for label in SINGLE_LABELS])
         return np.array(rows, dtype=float).reshape(-1, len(SINGLE_LABELS), len(SINGLE_MEASURES))
@@ -289,10 +303,11 @@ class View:
         singles = np.array([self.single_measures[:, k] @ weights[label] for k, label in enumerate(SINGLE_LABELS)]).T
         best: tuple[float, int, int, list[str | None]] = (-np.inf, -1, -1, [])
         for head in [int(row) for row in np.argsort(-singles[:, 0])[:MAX_HEADS]] or [-1]:
-            tails = [row for row in range(len(singles)) if row != head and singles[row, 1] > 0]
+            tails = [row for row in range(len(singles)) if singles[row, 1] > 0 and self._is_tail(row, head)]
             tail = max(tails, key=lambda row: singles[row, 1], default=-1)
             measures = self.pair_measures(head)
             scores = np.array([measures[:, k] @ weights[label] for k, label in enumerate(PAIR_LABELS)]).T
+            scores[np.ix_(self.beyond(head), np.arange(len(PAIR_LABELS)) != PAIR_LABELS.index("ear"))] = -np.inf
             labels, total = _assigned(scores)
             total += (singles[head, 0] if head >= 0 else 0.0) + (singles[tail, 1] if tail >= 0 else 0.0)
             best = max(best, (float(total), head, tail, labels), key=lambda each: each[0])
@@ -301,6 +316,22 @@ class View:
         measures = self.orientation_measures(total, found, labels)
         pairs = tuple((label, pair) for label, pair in zip(labels, self.pairs, strict=True) if label)
         return Body(self.up, self.front, pairs, found, measures, float(weights["orientation"] @ measures))
+
+    def beyond(self, row: int) -> list[int]:
+        """Return the pairs that hang on a branch in the middle; −1 for none."""
+        below = self._nodes(row)
+        return [number for number, pair in enumerate(self.pairs) if pair.one in below]
+
+    def _nodes(self, row: int) -> set[int]:
+        """Return the nodes of a branch in the middle and of what hangs on it; of the whole body, only the first."""
+        if row < 0:
+            return set()
+        first = self.branches[row][0]
+        return {*self.graph.subtrees[first]} if first else {first}
+
+    def _is_tail(self, row: int, head: int) -> bool:
+        """Return whether a branch can be the tail: no pair hangs on it, and it is apart from the head."""
+        return not self.beyond(row) and not self._nodes(row) & self._nodes(head)
 
     def orientation_measures(
         self, total: float, singles: Mapping[str, list[int]], labels: Sequence[str | None]
@@ -365,7 +396,8 @@ def _branches(graph: BodyGraph, pairs: Sequence[Pair], middle: Sequence[int]) ->
     """Return the branches in the middle: the longest way from the trunk to an end for each.
 
     The trunk is what is above long pairs, and above forks that are far from the ends. What forks beyond it, such as a
-    head with hair, is one branch. The first node of a row of joints is an end as well.
+    head with hair, is one branch. A part of the trunk beyond a fork is one as well: it may be a head with long ears.
+    The first node of a row of joints is an end as well.
     """
     beside = graph.faces | (graph.votes[:, LABELS.index("ear")] > 0)
     inside, limbs = set(middle), [node for pair in pairs for node in (pair.one, pair.other)]
@@ -376,9 +408,12 @@ def _branches(graph: BodyGraph, pairs: Sequence[Pair], middle: Sequence[int]) ->
         if len(below[fork]) > 1 and graph.reach[fork] > longest:
             trunk |= {fork, *graph.ancestors(fork)}
     trunk.add(0)
-    tops = [node for node in middle if node not in trunk and graph.parents[node] in trunk]
+    forks = [node for node in trunk if len(graph.children[node]) > 1]
     found = []
-    for top in tops:
+    for top in middle:
+        parent = int(graph.parents[top])
+        if parent not in trunk or (top in trunk and parent not in forks):
+            continue
         way = [top]
         while below[way[-1]]:
             way.append(max(below[way[-1]], key=lambda child: graph.reach[child] - graph.size * beside[child]))

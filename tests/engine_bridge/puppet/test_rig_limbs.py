@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose, assert_array_equal, assert_equal
 
 from engine_bridge.character.character import from_document, load_character, make_character
 from engine_bridge.puppet.rig_limbs import limbs_of_joints, rig_limbs
-from engine_bridge.puppet.skin_joints import Joint
+from engine_bridge.puppet.skin_joints import Joint, joints_of
 
 from ..bones import points
 
@@ -170,6 +170,51 @@ def test_ears_and_a_jaw_that_move_vertices_are_limbs():
     assert list(limbs_of_joints(still).limbs.points) == PERSON
 
 
+def test_a_head_with_long_ears_is_a_head_and_not_a_trunk():
+    joints = holding(skeleton(CONVENTIONS["Quaternius"]))
+    head = next(number for number, joint in enumerate(joints) if joint.name == "Head")
+    for side, sign in (("L", 1), ("R", -1)):
+        place, tip = np.array([0.1 * sign, 1.8, 0]), np.array([0.3 * sign, 2.4, 0])
+        joints.append(Joint(f"Ear1.{side}", head, place, np.linspace(place, tip, 21)))
+    found = limbs_of_joints(joints).limbs.points
+    assert found.keys() == {*PERSON, "left ear", "right ear"}
+    assert_array_equal(found["head"][0], limbs_of_joints(joints[:-2]).limbs.points["head"][0])
+    assert_allclose(found["left ear"][[0, -1]], [(0.1, 1.8, 0), (0.29, 2.37, 0)], atol=1e-9)
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_feet_that_hang_on_the_root_belong_to_the_legs_with_which_they_share_triangles(named):
+    """The shins of coarse meshes end far above the feet, as far as thighs."""
+    root, *others, _ = skeleton(CONVENTIONS["Unreal"])
+    own = [root, *holding(others)]
+    if not named:
+        own = [replace(joint, name=f"node {number}") for number, joint in enumerate(own)]
+    expected, joints = limbs_of_joints(own).limbs, [*own]
+    for number, joint in enumerate(own):
+        if joint.label.endswith("foot"):
+            joints[number] = replace(joint, parent=0, contacts={joint.parent: 8})
+    found = limbs_of_joints(joints).limbs
+    assert found.points.keys() == expected.points.keys()
+    for name, chain in expected.points.items():
+        assert_array_equal(found.points[name], chain)
+
+
+def test_parts_on_joints_without_a_skin_are_the_body_and_those_on_a_skinned_body_are_carried(real_data):
+    """A shield is not the arm, but a robot of which only the hands have a skin is a robot."""
+    document = load_character(real_data / "mesh" / "gltf" / "quaternius_Adventurer.glb").document.copy()
+    own = joints_of(from_document(document))
+    hand = next(index for index, node in enumerate(document.gltf["nodes"]) if node.get("name") == "LowerArm.R")
+    meshes = [node for node in document.gltf["nodes"] if "mesh" in node]
+    document.gltf["nodes"].append({"name": "Shield", "mesh": meshes[0]["mesh"], "translation": [0.5, 0, 0]})
+    document.gltf["nodes"][hand].setdefault("children", []).append(len(document.gltf["nodes"]) - 1)
+    carried = joints_of(from_document(document))
+    assert [len(joint.vertices) for joint in carried] == [len(joint.vertices) for joint in own]
+    for node in meshes:
+        node.pop("mesh"), node.pop("skin")
+    parts = joints_of(from_document(document))
+    assert [joint.name for joint in parts if len(joint.vertices)] == ["LowerArm.R"]
+
+
 def test_a_body_without_legs_is_known_by_its_head_and_tail():
     places = {"Chest": (0, 0.2, 0), "Neck": (0, 0.4, 0.1), "Head": (0, 0.8, 0.2), "Tail": (0, 0, -0.3)}
     joints = [Joint("Root", -1, np.zeros(3), NO_VERTICES)]
@@ -274,12 +319,13 @@ def test_a_limb_ends_where_the_vertices_end_that_follow_it():
     assert_allclose(end, np.add(PLACES["hand"], (0.19, 0, 0)), atol=1e-12)  # 95 % of the way
 
 
-def test_a_row_of_joints_from_front_to_back_is_a_trunk_and_a_tail():
+def test_a_row_of_joints_from_front_to_back_is_a_trunk_a_head_and_a_tail():
     """As those of a fish; a row that stands may be anything."""
     row = [(2.0, 3), (1, 0), (0, -1), (-1, -2)]
     joints = [Joint(f"Main{i}", i - 1, z * FRONT, np.outer([z, end], FRONT)) for i, (z, end) in enumerate(row)]
     points = limbs_of_joints(joints).limbs.points
-    assert_allclose(points["trunk"] @ FRONT, [1, 2.95])
+    assert_allclose(points["trunk"] @ FRONT, [1, 2])
+    assert_allclose(points["head"] @ FRONT, [2, 2.95])
     assert_allclose(points["tail"] @ FRONT, [1, 0, -1, -1.95])
 
 

@@ -9,7 +9,8 @@ finder sees the file, the file without the names of its joints, or its surface a
 class is within 15 % of the largest extent. Makers are in five folds, so that a finder can be fitted on the others.
 
 Ends are what a person would draw: hands at the tips of fingers without what they hold, also if no joint is called a
-hand; paws, not ankles; a head at its crown or nose, not at its antlers; flippers with joints are wings.
+hand; paws, not ankles; a head at its crown or nose, not at its antlers; flippers with joints are wings. A
+fish's head is no limb if its joint carries the tail: it cannot turn without the body.
 
 `joints` compares joints that are found from the shape. Each row is a character of FOLDER in the pose of its file, or in
 N random poses (`posed`, by default 10) in which its own skin follows random rotations of its limbs. `human` and `biped`

@@ -445,7 +445,7 @@ class _LimbReader:
         return _Chain(evenly(chain.points, bones + 1), way)
 
     def spine(self) -> dict[str, _Chain]:
-        """Return trunk, head and tail of a body whose joints are a row from front to back; none for another body."""
+        """Return trunk and tail of a body whose only joints are a row from front to back; none for another body."""
         row, count = list(range(len(self.joints))), len(self.joints)
         way = self.place(row[0]) - self.place(row[-1])
         in_a_row = all(len(children) < 2 for children in self.graph.children)
@@ -454,8 +454,7 @@ class _LimbReader:
             return {}
         chain = self.with_end(row[1:], row[-1:])
         front = self.end(chain.points[1], chain.points[0], row[:1])
-        trunk = _Chain(np.array([chain.points[0], self.place(0)]))
-        return {"trunk": trunk, "head": _Chain(np.array([self.place(0), front]), row[:1]), "tail": chain}
+        return {"trunk": _Chain(np.array([chain.points[0], front])), "tail": chain}
 
 
 def _rank(name: str) -> int:

@@ -95,8 +95,7 @@ class Actor:
         """Return the map (4, 3) of row vectors [x 1] from the mesh file's coordinates to the film's, with the root."""
         place = self.place(frame)
         linear = self.footing.linear(place.turn)
-        lift = [0, self.footing.scale * self.footing.low, 0]
-        return np.vstack([linear, place.position - lift + self.pose(frame).root @ linear])
+        return np.vstack([linear, place.position - self.footing.lift + self.pose(frame).root @ linear])
 
     def _faded(self, before: Segment, after: Segment) -> SolvedMotion:
         """Solve the frames of a cross-fade, in which each bone turns the shortest way relative to its parent."""

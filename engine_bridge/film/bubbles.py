@@ -1,19 +1,21 @@
 """Speech bubbles, thoughts and names: what is written beside a character, wherever it is in the picture."""
 
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from engine_bridge.film.overlays import fading
-from engine_bridge.film.scene import BubbleTable
+from engine_bridge.film.scene import BubbleTable, Scene
 from engine_bridge.film.typeface import typeface
+from puppetline.errors import at
 
 LETTERS_PER_LINE = 18
 """Number of letters after which a line of a bubble ends, if a word does."""
 
-PADDING, DISTANCE, MARGIN = 0.7, 1.2, 0.4
+PADDING, DISTANCE, MARGIN = 0.7, 1.2, 0.5
 """Space around the text, between a bubble and a head, and at the picture's edges, in letter heights."""
 
 PAPER, INK = (255, 255, 255, 245), (28, 30, 38, 255)
@@ -21,6 +23,13 @@ PAPER, INK = (255, 255, 255, 245), (28, 30, 38, 255)
 SUPERSAMPLING = 2
 
 FADE_SECONDS = 0.15
+
+
+class BubblePlace(NamedTuple):
+    """Where a bubble is in the picture, in pixels: its middle (2,) and the tip of its tail (2,)."""
+
+    middle: NDArray[np.float64]
+    tip: NDArray[np.float64]
 
 
 class Bubble:
@@ -36,6 +45,15 @@ class Bubble:
     folder : Path
         Of the scene file.
 
+    Attributes
+    ----------
+    lines : list of tuple of str and float
+        The lines of its text, and their widths in pixels.
+    letter : float
+        Height of its letters, in pixels.
+    half : (2,) float64
+        Half of its width and height without the tail, in pixels.
+
     Raises
     ------
     SceneError
@@ -45,22 +63,21 @@ class Bubble:
     def __init__(self, table: BubbleTable, size: tuple[int, int], where: str, folder: Path) -> None:
         self.table, self._size = table, np.array(size)
         text = wrapped(table.text or table.character)
-        self._letter = max(table.size * size[1], 4.0)
-        font = typeface(table.font, text, round(self._letter * SUPERSAMPLING), where, folder)
+        self.letter = max(table.size * size[1], 4.0)
+        font = typeface(table.font, text, round(self.letter * SUPERSAMPLING), where, folder)
+        self.lines = [(line, font.getlength(line) / SUPERSAMPLING) for line in text.split("\n")]
         left, top, right, bottom = ImageDraw.Draw(Image.new("L", (1, 1))).multiline_textbbox((0, 0), text, font)
         self._text = Image.new("L", (round(right - left), round(bottom - top)))
         ImageDraw.Draw(self._text).multiline_text((-left, -top), text, 255, font, align="center")
         padding = 0.35 if table.kind == "name" else PADDING
-        self._half = (np.array(self._text.size) / SUPERSAMPLING + 2 * padding * self._letter) / 2
+        self.half = (np.array(self._text.size) / SUPERSAMPLING + 2 * padding * self.letter) / 2
 
     def opacity(self, time: float) -> float:
         """Return how visible it is at a time of the film, from 0 to 1."""
         return fading(time, self.table.at, self.table.seconds, FADE_SECONDS)
 
-    def draw(
-        self, head: NDArray[np.float64], body: NDArray[np.float64], usual: NDArray[np.float64]
-    ) -> tuple[NDArray[np.uint8], tuple[float, float, float, float]]:
-        """Draw it beside a head, or below a body.
+    def place(self, head: NDArray[np.float64], body: NDArray[np.float64], usual: NDArray[np.float64]) -> BubblePlace:
+        """Return where it is: beside a head, or below a body.
 
         Parameters
         ----------
@@ -68,30 +85,35 @@ class Bubble:
             Upper left and lower right corner in the picture, in pixels.
         usual : (2, 2) float64
             Mean of `head` in the shot, which decides the side, so that the bubble does not jump.
+        """
+        middle = self._middle(head, body, usual)
+        nearest = np.clip(middle, head[0], head[1])
+        towards = np.clip(nearest, -self.letter, self._size + self.letter)  # of a head outside the picture, its edge
+        return BubblePlace(middle, middle + (towards - middle) * 0.96)
+
+    def draw(self, place: BubblePlace) -> tuple[NDArray[np.uint8], tuple[float, float, float, float]]:
+        """Draw it at a place.
 
         Returns
         -------
         pixels : (h, w, 4) uint8
-        place : tuple of 4 floats
+        edges : tuple of 4 floats
             Left, upper, right and lower edge, as shares of the picture.
         """
-        middle = self._middle(head, body, usual)
-        nearest = np.clip(middle, head[0], head[1])
-        towards = np.clip(nearest, -self._letter, self._size + self._letter)  # of a head outside the picture, its edge
-        tip = middle + (towards - middle) * 0.96
-        corners = [middle - self._half, middle + self._half]
+        middle, tip = place
+        corners = [middle - self.half, middle + self.half]
         low, high = corners[0], corners[1]
         if self.table.kind != "name":
             low, high = np.minimum(low, tip), np.maximum(high, tip)
-        border = 0.6 * self._letter
+        border = 0.6 * self.letter
         low, high = np.floor(low - border), np.ceil(high + border)
         image = Image.new("RGBA", tuple(((high - low) * SUPERSAMPLING).astype(int).tolist()), (*PAPER[:3], 0))
         pen, scale = ImageDraw.Draw(image), SUPERSAMPLING
         box = [*((corners[0] - low) * scale).tolist(), *((corners[1] - low) * scale).tolist()]
         at, point = (middle - low) * scale, (tip - low) * scale
-        line = max(0.06 * self._letter * scale, 1.0)
+        line = max(0.06 * self.letter * scale, 1.0)
         if self.table.kind == "name":
-            pen.rounded_rectangle(box, 0.5 * self._letter * scale, (*INK[:3], 170))
+            pen.rounded_rectangle(box, 0.5 * self.letter * scale, (*INK[:3], 170))
         else:
             for width, color in ((line, INK), (0.0, PAPER)):  # one outline around all shapes
                 self._outline(pen, box, at, point, width, color)
@@ -112,7 +134,7 @@ class Bubble:
     ) -> None:
         """Fill the shape of a bubble and its tail, wider by a line's width."""
         left, top, right, bottom = box
-        letter = self._letter * SUPERSAMPLING
+        letter = self.letter * SUPERSAMPLING
         if self.table.kind == "speech":
             pen.rounded_rectangle([left - width, top - width, right + width, bottom + width], letter + width, color)
             along = (tip - at) / max(float(np.linalg.norm(tip - at)), 1e-9)
@@ -137,18 +159,32 @@ class Bubble:
         self, head: NDArray[np.float64], body: NDArray[np.float64], usual: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """Return the middle of the bubble: above the head, else beside it where there is more room; in the picture."""
-        gap, room = DISTANCE * self._letter, self._half + MARGIN * self._letter
+        gap, room = DISTANCE * self.letter, self.half + MARGIN * self.letter
         center = head.mean(axis=0)
         if self.table.kind == "name":
-            middle = np.array([body[:, 0].mean(), body[1, 1] + self._half[1]])
-        elif usual[0, 1] - gap - self._half[1] >= room[1]:
-            middle = np.array([center[0], head[0, 1] - gap - self._half[1]])
+            middle = np.array([body[:, 0].mean(), body[1, 1] + self.half[1]])
+        elif usual[0, 1] - gap - self.half[1] >= room[1]:
+            middle = np.array([center[0], head[0, 1] - gap - self.half[1]])
         elif usual[:, 0].mean() < self._size[0] / 2:
-            middle = np.array([head[1, 0] + gap + self._half[0], center[1] - gap])
+            middle = np.array([head[1, 0] + gap + self.half[0], center[1] - gap])
         else:
-            middle = np.array([head[0, 0] - gap - self._half[0], center[1] - gap])
+            middle = np.array([head[0, 0] - gap - self.half[0], center[1] - gap])
         shown: NDArray[np.float64] = np.clip(middle, room, np.maximum(self._size - room, room))
         return shown
+
+
+def bubbles_of(scene: Scene, size: tuple[int, int], path: Path) -> list[Bubble]:
+    """Return the bubbles of a scene file for a size of frames.
+
+    Raises
+    ------
+    SceneError
+        A typeface cannot be opened, or has no such letters.
+    """
+    return [
+        Bubble(table, size, at(path, field=f"[[bubble]] {number}"), path.parent)
+        for number, table in enumerate(scene.bubble, 1)
+    ]
 
 
 def wrapped(text: str) -> str:

@@ -17,12 +17,13 @@ from engine_bridge.character.surfaces.surface import srgb_to_linear
 from engine_bridge.film import overlays
 from engine_bridge.film.actor import Actor
 from engine_bridge.film.av_library import require_av
-from engine_bridge.film.bubbles import Bubble
-from engine_bridge.film.framing import Shots, View, rectangle
-from engine_bridge.film.moods import MOODS
+from engine_bridge.film.bubbles import Bubble, bubbles_of
+from engine_bridge.film.framing import View
+from engine_bridge.film.moods import lighting_of
 from engine_bridge.film.painting import BOTTOM, PERIOD, TOP
+from engine_bridge.film.plan import FilmPlan
 from engine_bridge.film.production import Production, Progress, produce
-from engine_bridge.film.scene import DEFAULT_SET, BubbleTable, Scene, SceneError, load
+from engine_bridge.film.scene import DEFAULT_SET, Scene, SceneError, load
 from engine_bridge.film.sets import SETS, panorama
 from engine_bridge.film.sound import SAMPLE_RATE, Mixer
 from engine_bridge.film.video import FORMATS, VideoWriter
@@ -112,10 +113,7 @@ def make_video(
         renderer = opened.enter_context(GpuRenderer(size, samples))
         for number, title in enumerate(scene.title, 1):
             overlays.title(title, size, at(path, field=f"[[title]] {number}"), path.parent)
-        bubbles = [
-            Bubble(table, size, at(path, field=f"[[bubble]] {number}"), path.parent)
-            for number, table in enumerate(scene.bubble, 1)
-        ]
+        bubbles = bubbles_of(scene, size, path)
         around = surroundings(scene, renderer, path)
         production = produce(path, scene, progress)
         part = _part(production, start, stop, draft, ending)
@@ -207,7 +205,7 @@ def surroundings(scene: Scene, renderer: GpuRenderer, path: Path) -> Surrounding
     if color is not None:
         floor = np.full((1, 1, 4), (*ImageColor.getrgb(color)[:3], 255), np.uint8)
     tile = None if floor is None else renderer.tile(floor)
-    return Surroundings(background, tile, scene.floor.show, MOODS[scene.light.mood or painted.mood])
+    return Surroundings(background, tile, scene.floor.show, lighting_of(scene))
 
 
 class _View:
@@ -223,19 +221,18 @@ class _View:
     ) -> None:
         self._production, self._renderer, self._around, self._bubbles = production, renderer, around, bubbles
         self.device = renderer.device
-        self._extents = production.extents(progress)
-        self._shots = Shots(production.scene.camera, self._extents, production.fps, renderer.size)
-        self._stage = production.stage(self._extents)
+        extents = production.extents(progress)
+        self._plan = FilmPlan(production, extents, bubbles, renderer.size)
+        self._stage = production.stage(extents)
         self._puppets = [_DrawnActor(actor, renderer) for actor in production.actors]
         self._titles: dict[int, moderngl.Texture] = {}
-        self._usual_heads: dict[tuple[int, int], NDArray[np.float64]] = {}
 
     def draw(self, frame: int) -> NDArray[np.uint8]:
         """Return the pixels (h, w, 4) of a frame."""
         for each in self._puppets:
             each.move(frame)
         titles, drawn = list(self._shown_titles(frame)), [each.drawn for each in self._puppets]
-        views, brightness = self._shots.views(frame), self._brightness(frame)
+        views, brightness = self._plan.views(frame), self._plan.brightness(frame)
         pictures = []
         for view in views:
             bubbles = list(self._shown_bubbles(frame, view))
@@ -247,12 +244,6 @@ class _View:
         mixed = sum(np.float32(view.share * brightness) * each for each, view in zip(pictures, views, strict=True))
         return np.rint(mixed).astype(np.uint8)
 
-    def _brightness(self, frame: int) -> float:
-        """Return how bright a frame is while the film fades from or to black, from 0 to 1."""
-        table, fps, left = self._production.scene.film, self._production.fps, self._production.frames - 1 - frame
-        fades = (frame, table.fade_in), (left, table.fade_out)
-        return min([1.0, *(count / (fade * fps) for count, fade in fades if fade)])
-
     def samples(self, part: Part, ending: str) -> list[NDArray[np.uint8]]:
         """Return frames from all over a part, from which the colours of a .gif are chosen."""
         if ending != ".gif":
@@ -262,39 +253,13 @@ class _View:
         ]
 
     def _shown_bubbles(self, frame: int, view: View) -> Iterator[Overlay]:
-        for number, bubble in enumerate(self._bubbles):
-            opacity, name = bubble.opacity(frame / self._production.fps), bubble.table.character
-            if opacity > 0:
-                if (number, view.shot) not in self._usual_heads:
-                    self._usual_heads[number, view.shot] = self._usual_head(bubble.table, view)
-                extent = self._extents[name]
-                head, body = (self._pixels(view, boxes[frame]) for boxes in (extent.head, extent.whole))
-                if bubble.table.kind == "name" and ((body[1] < 0) | (body[0] > self._renderer.size)).any():
-                    continue  # a character outside the picture may speak, but a name would be beside nothing
-                pixels, place = bubble.draw(head, body, self._usual_heads[number, view.shot])
-                yield Overlay(self._renderer.picture(pixels), opacity, place)
-
-    def _usual_head(self, table: BubbleTable, seen: View) -> NDArray[np.float64]:
-        """Return the mean rectangle (2, 2) of a head in a shot while a bubble is shown, in pixels."""
-        first, end = (round(at * self._production.fps) for at in (table.at, table.at + table.seconds))
-        heads = self._extents[table.character].head
-        shown = [
-            self._pixels(view, heads[frame])
-            for frame in range(first, min(end + 1, self._production.frames))
-            for view in self._shots.views(frame)
-            if view.shot == seen.shot
-        ]
-        usual: NDArray[np.float64] = np.mean(shown, axis=0)
-        return usual
-
-    def _pixels(self, view: View, box: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the upper left and lower right corner (2, 2) of a box (2, 3) in a view, in pixels."""
-        return (rectangle(view.camera, box, self._renderer.size) / 2 + 0.5) * self._renderer.size
+        for number, opacity, place in self._plan.bubbles(frame, view):
+            pixels, edges = self._bubbles[number].draw(place)
+            yield Overlay(self._renderer.picture(pixels), opacity, edges)
 
     def _shown_titles(self, frame: int) -> Iterator[Overlay]:
         scene, path = self._production.scene, self._production.path
-        for number, table in enumerate(scene.title):
-            opacity = overlays.fading(frame / self._production.fps, table.at, table.seconds, table.fade)
+        for number, (table, opacity) in enumerate(zip(scene.title, self._plan.titles(frame), strict=True)):
             if opacity > 0:
                 if number not in self._titles:
                     where = at(path, field=f"[[title]] {number + 1}")

@@ -98,8 +98,7 @@ def _add_placed(film: Document, animation: Animation, actor: Actor, production: 
     """
     nodes, footing = film.gltf["nodes"], actor.footing
     places = [actor.place(frame) for frame in range(production.frames)]
-    lift = np.array([0, footing.scale * footing.low, 0])
-    translations = np.array([place.position - lift for place in places])
+    translations = np.array([place.position - footing.lift for place in places])
     angles = np.radians([place.turn for place in places])
     turns = scipy.spatial.transform.Rotation.from_rotvec(angles[:, None] * np.array([0.0, 1.0, 0.0]))
     rotations = (turns * scipy.spatial.transform.Rotation.from_matrix(footing.basis)).as_quat()

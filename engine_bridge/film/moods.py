@@ -1,6 +1,7 @@
 """Moods of a film's light."""
 
-from engine_bridge.film.scene import Mood
+from engine_bridge.film.scene import DEFAULT_SET, Mood, SetTables
+from engine_bridge.film.sets import SETS
 from engine_bridge.pictures.gpu_scene import Lighting
 
 MOODS: dict[Mood, Lighting] = {
@@ -12,3 +13,8 @@ MOODS: dict[Mood, Lighting] = {
     "water": Lighting((0.78, 1.06, 1.10), (0.24, 0.46, 0.56), (0.10, 0.20, 0.20), (-0.24, 0.92, 0.30)),
 }
 """Linear RGB irradiances of the key light, the sky and the ground, and the direction towards the key light."""
+
+
+def lighting_of(scene: SetTables) -> Lighting:
+    """Return the light of a scene: that of its mood, by default the set's."""
+    return MOODS[scene.light.mood or SETS[scene.background.shown_set or DEFAULT_SET].mood]

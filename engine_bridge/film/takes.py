@@ -132,6 +132,11 @@ class Footing:
         self.scale = rig.puppet.character.scale if height is None else height / max(tall, 1e-12)
         self.height = self.scale * tall
 
+    @property
+    def lift(self) -> NDArray[np.float64]:
+        """What is subtracted from a position (3,) on the floor, so that the lowest vertex stands there."""
+        return np.array([0, self.scale * self.low, 0])
+
     def span(self, turn: float) -> tuple[float, float]:
         """Return how far the character reaches to the left and to the right of its origin at rest, in metres."""
         x = self._vertices @ self.linear(turn)[:, 0]

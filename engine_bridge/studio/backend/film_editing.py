@@ -1,5 +1,6 @@
 """Edits the film of the studio's takes, and plays it on the characters of the service."""
 
+from engine_bridge.film.moods import lighting_of
 from engine_bridge.film.scene import SceneError, TakeTable
 from engine_bridge.studio.messages.film import FilmScene, FilmState
 from engine_bridge.studio.messages.state import TakeState
@@ -28,7 +29,8 @@ class FilmEditing:
     def state(self) -> FilmState:
         """The takes of the film, or why they cannot be read."""
         try:
-            return FilmState(takes=self.file.takes, scene=self.file.scene)
+            scene = self.file.scene
+            return FilmState(takes=self.file.takes, scene=scene, light=lighting_of(scene))
         except PuppetlineError as error:
             return FilmState(problem=self._workspace.without_folders(str(error)))
 

@@ -281,6 +281,10 @@ class Studio(Backend):
             raise failed
         return {}
 
+    async def _do_plan_film(self, _: film.PlanFilm) -> dict[str, Any]:
+        plan: dict[str, Any] = await self._exporter.run("plan_film", self._film.file.path)
+        return plan
+
     async def _do_make_film(self, _: film.MakeFilm) -> dict[str, Any]:
         self._refuse_while_recording()
 

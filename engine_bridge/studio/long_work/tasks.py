@@ -27,7 +27,7 @@ from engine_bridge.puppet.proposal import new_puppet
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.puppet.puppet_document import PuppetDocument
 from engine_bridge.puppet.puppet_values import puppet_of, values_of
-from engine_bridge.studio.long_work import take_pictures
+from engine_bridge.studio.long_work import film_plans, take_pictures
 from engine_bridge.studio.long_work.installation import install_extra
 from engine_bridge.studio.long_work.media import media_kind
 from engine_bridge.studio.long_work.trimming import trimmed
@@ -214,6 +214,11 @@ def make_film(progress: Progress, scene: Path, output: Path) -> dict[str, Any]:
     """Make a video of a scene file, and return its duration and notes."""
     summary = make_video(scene, output, 0.0, None, False, progress)
     return {"seconds": summary.seconds, "notes": list(summary.notes)}
+
+
+def plan_film(progress: Progress, scene: Path) -> dict[str, Any]:
+    """Return the plan of a scene file, see `engine_bridge.studio.long_work.film_plans`."""
+    return film_plans.plan_for_page(scene, progress).model_dump(mode="json")
 
 
 def install(progress: Progress, extra: str) -> None:

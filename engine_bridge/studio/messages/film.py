@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from engine_bridge.film.scene import CharacterTable, SetTables, TakeTable
+from engine_bridge.pictures.gpu_scene import Lighting
 from engine_bridge.studio.messages.base import Request, Seconds
 from puppetline.toml_schema import Table
 
@@ -20,13 +21,14 @@ class FilmScene(SetTables):
 
 
 class FilmState(Table):
-    """The film: its takes, the other tables of its scene file, and what is wrong with the file, empty if nothing.
+    """The film: its takes, the other tables of its scene file, its light, and what is wrong with the file, if anything.
 
     `at` and `stop` of takes are those that apply, also where the scene file omits them.
     """
 
     takes: Sequence[TakeTable] = ()
     scene: FilmScene = FilmScene()
+    light: Lighting = Field(default_factory=Lighting)
     problem: str = ""
 
 
@@ -49,6 +51,12 @@ class PlayFilm(Request):
 
     do: Literal["play_film"]
     at: Seconds = 0.0
+
+
+class PlanFilm(Request):
+    """Compute what the film shows at each moment, which the page shows while it plays. Result: `FilmPlan`."""
+
+    do: Literal["plan_film"]
 
 
 class MakeFilm(Request):

@@ -20,6 +20,7 @@ from engine_bridge.service.monitoring.status import Status, TimelineStatus
 from engine_bridge.studio.messages.characters import PuppetReply
 from engine_bridge.studio.messages.connection import Greeting, ServerError
 from engine_bridge.studio.messages.film import FilmReply, Install
+from engine_bridge.studio.messages.film_plan import FilmPlan
 from engine_bridge.studio.messages.performers import LookReply, SmoothingReply, Sources
 from engine_bridge.studio.messages.screen import ScreenSettings
 from engine_bridge.studio.messages.state import State, UploadKind, UploadReply
@@ -86,6 +87,7 @@ ROOTS: tuple[type, ...] = (
     UploadReply,
     ExportReply,
     FilmReply,
+    FilmPlan,
     ScreenSettings,
     Status,
 )

@@ -17,7 +17,7 @@ def test_a_bubble_is_in_the_picture_and_does_not_hide_the_head(kind, x, y):
     bubble = Bubble(BubbleTable(character="a", text="How do you do?", kind=kind), SIZE, "bubble", None)
     head = np.array([[x - 0.03, y - 0.06], [x + 0.03, y + 0.06]]) * SIZE
     body = np.array([[x - 0.1, y - 0.06], [x + 0.1, y + 0.4]]) * SIZE
-    pixels, place = bubble.draw(head, body, head)
+    pixels, place = bubble.draw(bubble.place(head, body, head))
     left, top, right, bottom = np.array(place) * [*SIZE, *SIZE]
     assert pixels.shape == (round(bottom - top), round(right - left), 4)
     rows, columns = np.nonzero(pixels[..., 3] > 128)
@@ -36,7 +36,7 @@ def test_a_bubble_is_in_the_picture_and_does_not_hide_the_head(kind, x, y):
 @given(x=st.floats(-1e6, 1e6), y=st.floats(-1e6, 1e6), usual=st.floats(-1e6, 1e6))
 def test_a_bubble_is_not_much_larger_than_the_picture_wherever_the_head_is(kind, x, y, usual):
     bubble = Bubble(BubbleTable(character="a", text="How do you do?", kind=kind), SIZE, "bubble", None)
-    pixels, _ = bubble.draw(np.array([[x, y], [x + 50, y + 80]]), *np.full((2, 2, 2), usual))
+    pixels, _ = bubble.draw(bubble.place(np.array([[x, y], [x + 50, y + 80]]), *np.full((2, 2, 2), usual)))
     letters = 4 * bubble.table.size * SIZE[1]
     assert (np.array(pixels.shape[1::-1]) <= np.array(SIZE) + letters).all()
 
@@ -51,6 +51,7 @@ def test_lines_end_between_words(words):
 
 def test_a_name_needs_no_text():
     table = BubbleTable(character="Rex", kind="name")
-    pixels, _ = Bubble(table, SIZE, "bubble", None).draw(*np.full((3, 2, 2), 100.0))
-    same, _ = Bubble(table.model_copy(update={"text": "Rex"}), SIZE, "bubble", None).draw(*np.full((3, 2, 2), 100.0))
+    given = table.model_copy(update={"text": "Rex"})
+    bubbles = [Bubble(each, SIZE, "bubble", None) for each in (table, given)]
+    (pixels, _), (same, _) = (each.draw(each.place(*np.full((3, 2, 2), 100.0))) for each in bubbles)
     assert (pixels == same).all()

@@ -11,9 +11,10 @@ import { keys } from "./keys";
 import { figure } from "./panels/figure";
 import { meters } from "./panels/meters";
 import { withRow } from "./model/scene";
-import { showTitles } from "./panels/shown_titles";
+import { showFilm } from "./panels/shown_film";
 import { movePlayhead } from "./panels/strip";
 import { put } from "./placing";
+import { planFilm, shownMoment } from "./plan";
 import { connection, download } from "./requests";
 import { playSounds } from "./sound";
 import { type State, current, subscribe, update } from "./store";
@@ -117,9 +118,11 @@ let timeScheduled = false;
 
 /** The playhead moves while takes play. */
 function scheduleTime(): void {
-  const { server } = current();
+  const { server, plan } = current();
+  const moment = shownMoment(current());
   movePlayhead(current(), position(current()));
-  showTitles(current(), position(current()));
+  showFilm(current(), moment);
+  viewer.film(moment, plan?.film?.size);
   playSounds(current(), (character, now) => viewer.serviceTime(character, now));
   const runs = server?.recording != null || (server?.timeline != null && !server.timeline.paused);
   if (timeScheduled || !runs) return;
@@ -146,11 +149,11 @@ function render(state: State): void {
   const { character } = state;
   draw(root, page(state, viewer));
   drawFigure(state);
-  scheduleTime();
   const slot = document.querySelector(".place");
   if (slot !== null && place.parentElement !== slot) slot.append(place);
   if (character !== null) viewer.label(state.face === "film" ? strings.viewer.filmLabel : strings.viewer.label(character));
   viewer.refresh(state);
+  scheduleTime();
 }
 
 function listen(): void {
@@ -175,6 +178,7 @@ Object.assign(window, { studio: { state: current, viewer } });
 subscribe((state) => {
   follow(state);
   render(state);
+  void planFilm();
 });
 /** What waits says for how long. */
 setInterval(() => {

@@ -100,6 +100,13 @@ export interface FilmReply {
   readonly notes: readonly string[];
 }
 
+export interface FilmPlan {
+  readonly size: readonly [number, number];
+  readonly step: number;
+  readonly bubbles: readonly BubbleShape[];
+  readonly moments: readonly Moment[];
+}
+
 export interface ScreenSettings {
   readonly run: string;
   readonly models: readonly string[];
@@ -189,6 +196,7 @@ export interface TakeState {
 export interface FilmState {
   readonly takes: readonly FilmTake[];
   readonly scene: FilmScene;
+  readonly light: Lighting;
   readonly problem: string;
 }
 
@@ -262,6 +270,20 @@ export interface SeenPerformer {
   readonly user: number;
   readonly text: string;
   readonly joints: readonly (readonly [number, number] | null)[] | null;
+}
+
+export interface BubbleShape {
+  readonly kind: "speech" | "thought" | "name";
+  readonly lines: readonly (readonly [string, number])[];
+  readonly letter: number;
+  readonly half: readonly [number, number];
+}
+
+export interface Moment {
+  readonly brightness: number;
+  readonly titles: readonly number[];
+  readonly views: readonly ShownView[];
+  readonly places: Readonly<Record<string, readonly [number, number, number, number]>>;
 }
 
 export interface KioskScreen {
@@ -346,12 +368,28 @@ export interface FilmScene {
   readonly character: readonly FilmCharacter[];
 }
 
+export interface Lighting {
+  readonly key: readonly [number, number, number];
+  readonly sky: readonly [number, number, number];
+  readonly ground: readonly [number, number, number];
+  readonly direction: readonly [number, number, number];
+}
+
 export interface TimelineTake {
   readonly character: string;
   readonly take: string;
   readonly at: number;
   readonly seconds: number;
   readonly sound: TimelineSound | null;
+}
+
+export interface ShownView {
+  readonly shot: number;
+  readonly share: number;
+  readonly eye: readonly [number, number, number];
+  readonly target: readonly [number, number, number];
+  readonly field_of_view: number;
+  readonly bubbles: readonly ShownBubble[];
 }
 
 export interface LatencyStatus {
@@ -380,4 +418,11 @@ export interface SensorStatus {
 export interface TimelineSound {
   readonly file: string;
   readonly at: number;
+}
+
+export interface ShownBubble {
+  readonly number: number;
+  readonly opacity: number;
+  readonly middle: readonly [number, number];
+  readonly tip: readonly [number, number];
 }

@@ -1,6 +1,6 @@
 /** The page's state, in one place: what the server has sent, and what the user has chosen in this window. */
 
-import type { ExportReply, Extra, FilmCharacter, FilmReply, Greeting, LookReply, ServerState, SmoothingReply, Sources } from "./messages";
+import type { ExportReply, Extra, FilmCharacter, FilmPlan, FilmReply, Greeting, LookReply, ServerState, SmoothingReply, Sources } from "./messages";
 import { EMPTY, type Film } from "./model/film";
 import { type History, begin } from "./model/history";
 import type { Part, Puppet } from "./model/puppet";
@@ -80,6 +80,8 @@ export interface State {
   readonly exported: ExportReply | null;
   /** The film as edited here, with the steps that can be undone. */
   readonly film: History<Film>;
+  /** What the film shows, as the server has planned it, and of what film; null inside if it cannot be planned. */
+  readonly plan: { readonly of: string; readonly film: FilmPlan | null } | null;
   /** What undo undoes: the last kind of edit. */
   readonly edited: "puppet" | "film";
   /** Number of the take that is chosen in the film. */
@@ -147,6 +149,7 @@ export const INITIAL: State = {
   form: "",
   exported: null,
   film: begin(EMPTY),
+  plan: null,
   edited: "puppet",
   clip: null,
   playhead: 0,

@@ -47,7 +47,7 @@ export function page(state: State, viewer: Shown): readonly Child[] {
             }),
             state.face === "workshop" && toolHint(state),
             recording(state),
-            state.face === "film" && h("div", { class: "shown-titles", key: "titles", raw: true, "aria-hidden": "true" }),
+            state.face === "film" && h("div", { class: "shown-film", key: "shown-film", raw: true, "aria-hidden": "true" }),
             !viewer.has(character) && h("p", { class: "preparing", key: "preparing" }, strings.viewer.preparing(character)),
           ),
           tabs(state, viewer.bounds(character), viewer.height(character)),

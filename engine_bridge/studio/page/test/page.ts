@@ -5,13 +5,14 @@ import { appendFileSync } from "node:fs";
 import { connect, sampled } from "../src/actions";
 import { type Child, type Node_ } from "../src/dom";
 import { keys } from "../src/keys";
-import type { CharacterState, FilmScene, FilmTake, Greeting, ServerError, ServerState, TakeState, UploadKind } from "../src/messages";
+import type { CharacterState, FilmPlan, FilmScene, FilmState, FilmTake, Greeting, ServerError, ServerState, TakeState, UploadKind } from "../src/messages";
 import { EMPTY } from "../src/model/film";
 import type { Limb, Puppet } from "../src/model/puppet";
 import type { Vector } from "../src/model/vector";
 import { figure } from "../src/panels/figure";
 import { meters } from "../src/panels/meters";
 import { put } from "../src/placing";
+import { planFilm } from "../src/plan";
 import { type Face, INITIAL, current, subscribe, update } from "../src/store";
 import { page } from "../src/view";
 
@@ -101,6 +102,15 @@ export const take = (name: string, change: object = {}): TakeState => Object.ass
 
 export const clip = (name: string, at: number): FilmTake => ({ character: NAME, file: `takes/${name}.log`, at, start: 0, stop: 4, mute: false });
 
+export const FILM: FilmState = { ...EMPTY, light: { key: [1, 1, 1], sky: [1, 1, 1], ground: [0, 0, 0], direction: [0, 1, 0] }, problem: "" };
+
+const PLAN: FilmPlan = {
+  size: [1280, 720],
+  step: 0.5,
+  bubbles: [],
+  moments: [{ brightness: 1, titles: [], views: [{ shot: 0, share: 1, eye: [0, 1, 4], target: [0, 1, 0], field_of_view: 30, bubbles: [] }], places: { [NAME]: [0, 0, 0, 0] } }],
+};
+
 const STATE: ServerState = {
   characters: [],
   source: { uri: "demo:walk", kind: "example", name: "walk", text: "Walk", loop: true, start: null, stop: null },
@@ -109,7 +119,7 @@ const STATE: ServerState = {
   performers: [],
   recording: null,
   takes: [],
-  film: { ...EMPTY, problem: "" },
+  film: FILM,
   installed: ["camera", "film", "sound"],
   microphone: false,
   timeline: null,
@@ -140,9 +150,10 @@ export class Server {
     }],
     ["edit_film", ({ takes, scene }) => {
       const { film } = this.state;
-      this.change({ film: { takes: (takes as FilmTake[] | undefined) ?? film.takes, scene: (scene as FilmScene | undefined) ?? film.scene, problem: "" } });
+      this.change({ film: { ...FILM, takes: (takes as FilmTake[] | undefined) ?? film.takes, scene: (scene as FilmScene | undefined) ?? film.scene } });
       return this.state.film;
     }],
+    ["plan_film", () => PLAN],
     ["smoothing_preview", () => ({ times: [0, 1], measured: [0, 1], smoothed: [0, 0.5], measured_mm: 5, jitter_mm: 1, lag_ms: 60, rise_ms: 1, overshoot_mm: 0 })],
     ["sources", () => ({ characters: [], examples: ["walk"], devices: [], ports: [] })],
   ]);
@@ -424,6 +435,7 @@ let shown: Page | null = null;
 
 subscribe(() => {
   shown?.draw();
+  void planFilm();
 });
 
 /** The page of a studio that has a character. */

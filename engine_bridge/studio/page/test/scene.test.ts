@@ -7,13 +7,13 @@ import type { FilmCharacter } from "../src/messages";
 import { EMPTY } from "../src/model/film";
 import { titleOf, withItem } from "../src/model/scene";
 import { strings } from "../src/strings";
-import { NAME, Page, PUPPET, chooser, clip, pass, take, typing } from "./page";
+import { FILM, NAME, Page, PUPPET, chooser, clip, pass, take, typing } from "./page";
 
 const ROW: FilmCharacter = { name: NAME, puppet: "live.toml" };
 
 const film = (prepare: (page: Parameters<NonNullable<Parameters<typeof Page.open>[0]>>[0]) => void = () => undefined): Promise<Page> =>
   Page.open((server) => {
-    server.change({ film: { ...EMPTY, scene: { ...EMPTY.scene, character: [ROW] }, problem: "" } });
+    server.change({ film: { ...FILM, scene: { ...EMPTY.scene, character: [ROW] } } });
     prepare(server);
   }, "film");
 
@@ -98,7 +98,7 @@ test("a picture and music of one's own are uploaded, and become part of the film
 test("characters are chosen by their cards; one without a take is said, and a take that is being made is not filmed", async () => {
   const page = await film((server) => {
     server.open("dog", PUPPET, { title: "my_dog.glb" });
-    server.change({ takes: [take("take-1")], film: { ...EMPTY, takes: [clip("take-1", 0)], problem: "" } });
+    server.change({ takes: [take("take-1")], film: { ...FILM, takes: [clip("take-1", 0)] } });
   });
   const card = (text: string) => page.every("button", "card").find((each) => each.text.startsWith(text)) ?? assert.fail(text);
   assert.equal(card("Figure").text, "Figure1 recording");

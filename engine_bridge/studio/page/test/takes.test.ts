@@ -5,7 +5,7 @@ import type { Timeline } from "../src/messages";
 import { editScene, position } from "../src/film";
 import { EMPTY, filmOf } from "../src/model/film";
 import { update } from "../src/store";
-import { NAME, Page, clip, pass, saved, take, typing } from "./page";
+import { FILM, NAME, Page, clip, pass, saved, take, typing } from "./page";
 
 const TIMELINE: Timeline = { position: 1, moment: 0, start: 0, end: 8, speed: 2, paused: false, loop: false, takes: [] };
 
@@ -102,7 +102,7 @@ test("a take is recorded after a count of three, by a button or a key, and stopp
 
 test("a take of the film is moved, muted and deleted by keys and buttons, and each is undone", async () => {
   const page = await Page.open((server) => {
-    server.change({ takes: [take("take-1"), take("take-2")], film: { ...EMPTY, takes: [clip("take-1", 0), clip("take-2", 4)], problem: "" } });
+    server.change({ takes: [take("take-1"), take("take-2")], film: { ...FILM, takes: [clip("take-1", 0), clip("take-2", 4)] } });
   });
   const starts = (): unknown[] => [page.state.film.present.takes, page.server.state.film.takes].map((takes) => takes.map(({ at, mute }) => [at, mute]));
   const both = (...expected: unknown[]): void => {
@@ -146,7 +146,7 @@ test("a take of the film is moved, muted and deleted by keys and buttons, and ea
 
 test("a take that was recorded is a step of the film that can be undone, and a refused edit changes nothing", async () => {
   const page = await Page.open();
-  page.server.change({ film: { ...EMPTY, takes: [clip("take-1", 0)], problem: "" } });
+  page.server.change({ film: { ...FILM, takes: [clip("take-1", 0)] } });
   await page.press("r");
   page.server.on("record_stop", () => ({ name: "take-1" }));
   page.server.change({ recording: "take-1" });
@@ -171,7 +171,7 @@ test("an edit of the scene keeps a take that is recorded while it is applied, an
   };
   music("calm");
   music("waltz");
-  page.server.change({ film: { ...EMPTY, takes: [clip("take-1", 0)], problem: "" } });
+  page.server.change({ film: { ...FILM, takes: [clip("take-1", 0)] } });
   await next();
   await next();
   assert.deepEqual(page.server.asked("edit_film").map((each) => Object.keys(each)), [["scene"], ["scene"]]);
@@ -181,11 +181,11 @@ test("an edit of the scene keeps a take that is recorded while it is applied, an
 
 test("after a character was removed, no step brings its takes back", async () => {
   const page = await Page.open((server) => {
-    server.change({ film: { ...EMPTY, takes: [clip("take-1", 0)], problem: "" } });
+    server.change({ film: { ...FILM, takes: [clip("take-1", 0)] } });
   });
   editScene({ music: { loop: "calm" } });
   await pass(0);
-  page.server.change({ characters: [], film: { ...EMPTY, problem: "" } });
+  page.server.change({ characters: [], film: FILM });
   assert.deepEqual([page.state.film.past, page.state.film.present.takes], [[], []]);
   await page.press("z", { ctrlKey: true });
   assert.deepEqual(page.state.film.present, EMPTY);
@@ -193,7 +193,7 @@ test("after a character was removed, no step brings its takes back", async () =>
 
 test("the film plays from the playhead on, pauses, jumps, and stops", async () => {
   const page = await Page.open((server) => {
-    server.change({ film: { ...EMPTY, takes: [clip("take-1", 0)], problem: "The file is damaged." } });
+    server.change({ film: { ...FILM, takes: [clip("take-1", 0)], problem: "The file is damaged." } });
   });
   assert.ok(page.text.includes("The file is damaged."));
   await page.button("Play").click();
@@ -222,7 +222,7 @@ test("the film plays from the playhead on, pauses, jumps, and stops", async () =
 test("a film is made, shown and saved; what that needs is installed if the user wants it", async () => {
   const page = await Page.open((server) => {
     server.on("make_film", () => ({ file: "file-9", name: "film.mp4", seconds: 4, notes: ["Take 1 is short."] }));
-    server.change({ film: { ...EMPTY, takes: [clip("take-1", 0)], problem: "" }, installed: [] });
+    server.change({ film: { ...FILM, takes: [clip("take-1", 0)] }, installed: [] });
   });
   await page.button("Make the film").click();
   assert.ok(page.text.includes("Make films?"));

@@ -51,6 +51,7 @@ export class Backdrop {
       texture.colorSpace = SRGBColorSpace;
       texture.wrapS = RepeatWrapping;
       texture.repeat.x = -360 / AROUND; // seen from inside
+      texture.offset.x = 0.5 - 90 / AROUND; // its middle is behind the characters, as in the film
       this.around.map = texture;
       this.around.needsUpdate = true;
       const [top, bottom] = edgesOf(texture);

@@ -5,7 +5,7 @@ import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 
 import { Character, type Client, JitterBuffer } from "../../../../../integrations/web/puppetline.js";
 import { PuppetMesh } from "../../../../../integrations/web/puppetline-three.js";
-import type { FilmCharacter } from "../messages";
+import type { FilmCharacter, Moment } from "../messages";
 import { axis } from "../model/puppet";
 import { type Vector, cross, dot } from "../model/vector";
 import { carried, nearest } from "./blend";
@@ -150,9 +150,19 @@ export class Figure {
     if (this.scene === null || extent === null) return;
     const [low, high] = extent;
     const scale = height === null ? this.scene.description.metres_a_unit : height / Math.max(high - low, 1e-12);
-    this.group.quaternion.setFromAxisAngle(new Vector3(0, 1, 0), (turn * Math.PI) / 180).multiply(this.upright);
     this.group.scale.setScalar(scale);
     this.group.position.set(x, -low * scale, z);
+    this.turn(turn);
+  }
+
+  /** Stand at a place of the film's plan: a position, and a turn in degrees. */
+  place([x, y, z, turn]: Moment["places"][string]): void {
+    this.group.position.set(x, y, z);
+    this.turn(turn);
+  }
+
+  private turn(degrees: number): void {
+    this.group.quaternion.setFromAxisAngle(new Vector3(0, 1, 0), (degrees * Math.PI) / 180).multiply(this.upright);
     this.group.updateMatrixWorld();
   }
 

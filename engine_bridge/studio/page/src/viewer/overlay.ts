@@ -1,7 +1,7 @@
 /** Bones and handles drawn over the character, and which of them is under the pointer. */
 
-import { type Part, type Puppet, handlesOf, limbsOf } from "../model/puppet";
-import { type Side, sideOf } from "../model/skeleton";
+import { type Part, type Puppet, handlesOf, jointsOf, limbsOf } from "../model/puppet";
+import { type Joint, type Side, sideOf } from "../model/skeleton";
 import { type Vector, toSegment } from "../model/vector";
 
 /** Radius around a point of a limb or a handle in which the pointer selects it, in pixels. */
@@ -169,4 +169,14 @@ function tag(context: CanvasRenderingContext2D, text: string, [x, y]: Vector, co
   context.fillStyle = colours.text;
   context.textBaseline = "middle";
   context.fillText(text, x + 18, y - 14);
+}
+
+/** Names of the limbs and handles that a joint moves. */
+export function movedBy(puppet: Puppet, joint: Joint | null): Set<string> {
+  if (joint === null) return new Set();
+  const parts: Part[] = [
+    ...limbsOf(puppet).map(({ name }): Part => ({ kind: "limb", name })),
+    ...handlesOf(puppet).map(({ name }): Part => ({ kind: "handle", name })),
+  ];
+  return new Set(parts.filter((part) => jointsOf(puppet, part).includes(joint)).map(({ name }) => name));
 }

@@ -7,6 +7,7 @@ import {
   DirectionalLight,
   GridHelper,
   HemisphereLight,
+  type Light,
   PerspectiveCamera,
   type Ray as Line,
   Raycaster,
@@ -17,6 +18,7 @@ import {
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 
+import type { Lighting, ShownView } from "../messages";
 import { type Ray, type Vector, subtract } from "../model/vector";
 import { Backdrop, RADIUS } from "./backdrop";
 import type { Figure } from "./figure";
@@ -43,6 +45,9 @@ const LEAST_RATIO = 0.6;
 const ROOM = 0.62;
 const PORTRAIT_ROOM = 0.58;
 
+/** Distance of the nearest point that a camera of the film sees, as a share of that of its target. */
+const NEAR_SHARE = 0.02;
+
 /** Directions from which the camera looks at one character, and at all. */
 export const SIDE = new Vector3(0.45, 0.18, 1);
 export const FRONT = new Vector3(0.2, 0.14, 1);
@@ -57,6 +62,12 @@ export class Stage {
   });
   private readonly renderer: WebGLRenderer;
   private readonly grid = new GridHelper(CELLS / 2, CELLS);
+  private readonly ambient = new AmbientLight(0xffffff, 0.5);
+  private readonly around = new HemisphereLight();
+  private readonly sun = new DirectionalLight();
+  private readonly rim = new DirectionalLight(0xffffff, 0.8);
+  /** The film's camera while the film is shown. */
+  private filmed: PerspectiveCamera | null = null;
   private orbit: OrbitControls | null = null;
   private ratio = Math.min(devicePixelRatio, 2);
   private images = 0;
@@ -74,11 +85,9 @@ export class Stage {
   ) {
     this.renderer = new WebGLRenderer({ canvas, alpha: bare, antialias: !isSoftware() });
     this.renderer.setPixelRatio(this.ratio);
-    const sun = new DirectionalLight(0xffffff, 2.2);
-    sun.position.set(2, 4, 3);
-    const rim = new DirectionalLight(0xffffff, 0.8);
-    rim.position.set(-3, 2, -3);
-    this.scene.add(new AmbientLight(0xffffff, 0.5), new HemisphereLight(0xffffff, 0x8890a0, 0.9), sun, rim);
+    this.rim.position.set(-3, 2, -3);
+    this.scene.add(this.ambient, this.around, this.sun, this.rim);
+    this.light(null);
     if (!bare) this.scene.add(this.grid);
   }
 
@@ -101,6 +110,54 @@ export class Stage {
     this.backdrop.show(picture);
   }
 
+  /** Light everything as the film does; with null, so that all sides are seen well. */
+  light(film: Lighting | null): void {
+    this.ambient.visible = this.rim.visible = film === null;
+    this.sun.position.set(...(film?.direction ?? [2, 4, 3]));
+    const lit = (light: Light, colour: Color, [r, g, b]: Lighting["key"]): void => {
+      colour.setRGB(r, g, b);
+      light.intensity = Math.PI; // a matt surface reflects its colour in all directions
+    };
+    if (film === null) {
+      this.around.copy(new HemisphereLight(0xffffff, 0x8890a0, 0.9));
+      [this.sun.color, this.sun.intensity] = [new Color(0xffffff), 2.2];
+    } else {
+      lit(this.sun, this.sun.color, film.key);
+      lit(this.around, this.around.color, film.sky);
+      lit(this.around, this.around.groundColor, film.ground);
+    }
+  }
+
+  /** Look through a camera of the film, whose picture is as large as fits into the view; with null, as the user does. */
+  film(view: ShownView | null, ratio = 1): void {
+    if (view === null) {
+      this.filmed = null;
+      return;
+    }
+    const camera = (this.filmed ??= new PerspectiveCamera());
+    const [eye, target] = [new Vector3(...view.eye), new Vector3(...view.target)];
+    const distance = eye.distanceTo(target);
+    const slope = Math.tan((view.field_of_view * Math.PI) / 360);
+    camera.aspect = this.width / this.height;
+    camera.fov = (360 / Math.PI) * Math.atan(slope * Math.max(1, ratio / camera.aspect));
+    camera.near = NEAR_SHARE * distance;
+    camera.far = farOf(distance);
+    camera.position.copy(eye);
+    camera.lookAt(target);
+    camera.updateProjectionMatrix();
+    camera.updateMatrixWorld();
+  }
+
+  /** Whether the film is shown. */
+  get isFilm(): boolean {
+    return this.filmed !== null;
+  }
+
+  /** The camera through which the view is seen. */
+  private get eye(): PerspectiveCamera {
+    return this.filmed ?? this.camera;
+  }
+
   animate(frame: () => void): void {
     this.renderer.setAnimationLoop(() => {
       if (performance.now() < this.idleUntil) return;
@@ -110,7 +167,15 @@ export class Stage {
   }
 
   render(): void {
-    this.renderer.render(this.scene, this.camera);
+    this.renderer.render(this.scene, this.eye);
+  }
+
+  /** Draw what is seen now over another canvas. */
+  copyTo(context: CanvasRenderingContext2D, opacity: number): void {
+    const { width, height } = context.canvas;
+    context.globalAlpha = opacity;
+    context.drawImage(this.renderer.domElement, 0, 0, width, height);
+    context.globalAlpha = 1;
   }
 
   /** Begin to measure again, after a time in which nothing was drawn. */
@@ -225,14 +290,14 @@ export class Stage {
 
   /** Where a point of the view is on the screen: x, y in pixels, and depth; null behind the camera. */
   onScreen(of: Vector3): Vector | null {
-    const point = of.clone().project(this.camera);
+    const point = of.clone().project(this.eye);
     return point.z > 1 ? null : [((point.x + 1) / 2) * this.width, ((1 - point.y) / 2) * this.height, point.z];
   }
 
   /** The ray through a position on the screen, in the view's coordinates. */
   through(x: number, y: number): Line {
     const caster = new Raycaster();
-    caster.setFromCamera(new Vector2((2 * x) / this.width - 1, 1 - (2 * y) / this.height), this.camera);
+    caster.setFromCamera(new Vector2((2 * x) / this.width - 1, 1 - (2 * y) / this.height), this.eye);
     return caster.ray;
   }
 
@@ -266,11 +331,14 @@ function aim(camera: PerspectiveCamera, box: Box3, from: Vector3, room: number):
   camera.position.copy(centre).add(from.clone().normalize().multiplyScalar(distance));
   camera.lookAt(centre);
   camera.near = distance / 100;
-  camera.far = Math.max(50 * distance, 2.5 * RADIUS); // the picture of the place stays in sight
+  camera.far = farOf(distance);
   camera.updateProjectionMatrix();
   camera.updateMatrixWorld();
   return centre;
 }
+
+/** The distance to the farthest point that a camera sees; the picture of the place stays in sight. */
+const farOf = (distance: number): number => Math.max(50 * distance, 2.5 * RADIUS);
 
 function cornersOf({ min, max }: Box3): Vector3[] {
   return [0, 1, 2, 3, 4, 5, 6, 7].map((i) => new Vector3(i & 1 ? min.x : max.x, i & 2 ? min.y : max.y, i & 4 ? min.z : max.z));

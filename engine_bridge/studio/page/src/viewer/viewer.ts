@@ -3,14 +3,16 @@
 import { Box3, Vector3 } from "three";
 
 import type { Client } from "../../../../../integrations/web/puppetline.js";
-import { type Part, type Puppet, handlesOf, jointsOf, limbsOf, move, pointOf } from "../model/puppet";
+import type { FilmPlan, Moment } from "../messages";
+import { type Part, type Puppet, move, pointOf } from "../model/puppet";
 import type { Joint } from "../model/skeleton";
 import { placeOf, rowOf } from "../model/scene";
 import { type Hit, type Ray, type Vector, add, insideOf, meetPlane, meetTriangles, scale, subtract } from "../model/vector";
 import { type State, current, shownPuppet } from "../store";
 import { Figure } from "./figure";
 import { Ground } from "./ground";
-import { type Marks, drawMarks, marksOf, partAt } from "./overlay";
+import { type Marks, drawMarks, marksOf, movedBy, partAt } from "./overlay";
+import { PlayingFilm } from "./playing_film";
 import { Portraits } from "./portraits";
 import { FRONT, SIDE, Stage } from "./stage";
 import { type Draft, characterAt, dragged } from "./standing";
@@ -63,6 +65,7 @@ export class Viewer {
   private framed = "";
   /** Places and sizes of the characters, as they stand now. */
   private standing = "";
+  private readonly playing: PlayingFilm;
   private readonly ground = new Ground();
   private readonly portraits: Portraits;
   /** How far the framed characters had walked when the camera followed them last. */
@@ -84,6 +87,7 @@ export class Viewer {
       this.dirty = true;
     };
     this.stage = new Stage(parent, this.canvas, changed);
+    this.playing = new PlayingFilm(this.stage, this.overlay);
     this.portraits = new Portraits(this.stage, this.callbacks.drawn);
     this.stage.scene.add(this.ground.group);
     this.listen(); // before the camera's own listeners, to keep drags of points from it
@@ -194,9 +198,19 @@ export class Viewer {
     this.overlay.classList.toggle("placing", state.tool !== "select");
     this.overlay.classList.toggle("film", state.face === "film");
     this.stage.show(state.face === "film" ? placeOf(state.film.present.scene) : null);
+    this.stage.light(state.face === "film" ? (state.server?.film.light ?? null) : null);
     const moved = this.arrange(state);
     if (this.shownIn(state) !== this.framed) this.fit();
-    else if (moved && state.face === "film" && state.draft === null && !this.isAllInView()) this.fit();
+    else if (moved && state.face === "film" && state.draft === null && !this.playing.isShown && !this.isAllInView()) this.fit();
+  }
+
+  /** Show a moment of the film, whose picture has a size; with null, what the user looks at. */
+  film(moment: Moment | null, size?: FilmPlan["size"]): void {
+    if (!this.playing.show(moment, size)) return;
+    this.dirty = true;
+    if (moment !== null) return;
+    this.standing = "";
+    this.refresh(current());
   }
 
   /** What the camera should be in front of: in the film all characters, in the workshop the one that panels show. */
@@ -289,11 +303,16 @@ export class Viewer {
     }
     this.dirty = false;
     this.frames++;
-    this.accompany();
-    this.ground.lie(face === "film" ? this.present() : new Map(), character);
-    this.stage.render();
+    const { playing } = this;
+    if (playing.isShown) playing.place(this.figures);
+    else this.accompany();
+    this.ground.lie(face === "film" ? this.present() : new Map(), playing.isShown ? null : character);
+    if (playing.isShown) playing.draw();
+    else {
+      this.stage.render();
+      this.drawOverlay();
+    }
     this.stage.keepPace(server?.jobs.some(({ state }) => state === "running") ?? false);
-    this.drawOverlay();
   }
 
   private accompany(): void {
@@ -362,7 +381,7 @@ export class Viewer {
     const from = foot === null ? null : this.stage.through(foot[0], foot[1]);
     let draft: Draft | null = null;
     const drag = (moved: PointerEvent): void => {
-      if (row === undefined || foot === null || from === null || (draft === null && Math.hypot(moved.offsetX - x, moved.offsetY - y) <= SLOP)) return;
+      if (this.playing.isShown || row === undefined || foot === null || from === null || (draft === null && Math.hypot(moved.offsetX - x, moved.offsetY - y) <= SLOP)) return;
       draft = dragged(row, from, this.stage.through(foot[0] + moved.offsetX - x, foot[1] + moved.offsetY - y)) ?? draft;
       if (draft !== null) this.callbacks.standing(draft);
     };
@@ -461,14 +480,4 @@ export class Viewer {
     this.callbacks.resting();
     this.callbacks.moved(move(puppet, selection, add(from, add(scale(right, way[0] * step), scale(up, way[1] * step)))));
   }
-}
-
-/** Names of the limbs and handles that a joint moves. */
-function movedBy(puppet: Puppet, joint: Joint | null): Set<string> {
-  if (joint === null) return new Set();
-  const parts: Part[] = [
-    ...limbsOf(puppet).map(({ name }): Part => ({ kind: "limb", name })),
-    ...handlesOf(puppet).map(({ name }): Part => ({ kind: "handle", name })),
-  ];
-  return new Set(parts.filter((part) => jointsOf(puppet, part).includes(joint)).map(({ name }) => name));
 }

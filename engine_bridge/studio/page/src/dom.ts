@@ -10,6 +10,8 @@ export interface Attributes {
   readonly raw?: boolean;
   /** It is scrolled into view when it appears. */
   readonly reveal?: boolean;
+  /** A dialog that covers the page: what is behind it cannot be reached until it is gone. */
+  readonly modal?: boolean;
 }
 
 export interface Node_ {
@@ -45,6 +47,7 @@ export function draw(parent: Element, children: readonly Child[]): void {
     const key = drawn.get(child)?.attributes.key;
     if (key !== undefined) keyed.set(key, child);
   }
+  const focused = document.activeElement;
   const free = old.filter((child) => drawn.get(child)?.attributes.key === undefined);
   nodes.forEach((node, index) => {
     const candidate =
@@ -57,8 +60,21 @@ export function draw(parent: Element, children: readonly Child[]): void {
     if (!stays && typeof node !== "string" && node.attributes.reveal === true) {
       (element as Element).scrollIntoView({ block: "nearest" });
     }
+    if (typeof node !== "string" && node.attributes.modal === true) cover(element as HTMLDialogElement);
   });
-  while (parent.childNodes.length > nodes.length) parent.lastChild?.remove();
+  for (const left of [...parent.childNodes].slice(nodes.length)) {
+    if (left instanceof HTMLDialogElement) left.close(); // the focus goes back to where it was
+    left.remove();
+  }
+  // what is moved among its siblings loses the focus
+  if (focused !== document.activeElement && focused instanceof HTMLElement && parent.contains(focused)) focused.focus();
+}
+
+/** Let a dialog cover the page, also after it was moved among its siblings. */
+function cover(dialog: HTMLDialogElement): void {
+  if (dialog.matches(":modal")) return;
+  dialog.close();
+  dialog.showModal();
 }
 
 function matches(element: ChildNode | undefined, node: Node_ | string): element is ChildNode {
@@ -86,7 +102,7 @@ function change(element: ChildNode, node: Node_ | string): void {
 }
 
 function set(element: Element & Record<string, unknown>, name: string, value: Value): void {
-  if (name === "key" || name === "raw" || name === "reveal") return;
+  if (name === "key" || name === "raw" || name === "reveal" || name === "modal") return;
   if (["value", "checked", "disabled", "muted"].includes(name)) element[name] = value ?? (name === "value" ? "" : false);
   else if (name === "style") (element as unknown as HTMLElement).style.cssText = String(value ?? ""); // as an attribute, the policy forbids it
   else if (name.startsWith("on")) element[name] = value ?? null;

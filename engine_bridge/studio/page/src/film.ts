@@ -3,6 +3,7 @@
 import type { Extra, FilmReply, FilmState, FilmTake, ServerState } from "./messages";
 import { EMPTY, type Film, endOf, filmOf } from "./model/film";
 import { begin, commit, settle, type undo } from "./model/history";
+import { keepKeys } from "./model/rows";
 import { download, request } from "./requests";
 import { context } from "./sound";
 import { type State, current, update } from "./store";
@@ -25,6 +26,7 @@ export function receivedFilm(state: State, server: ServerState): Partial<State> 
   const removed = state.server?.characters.some(({ name }) => !server.characters.some((each) => each.name === name)) === true;
   const history = removed ? begin(before) : state.film;
   if (sending || JSON.stringify(before) === JSON.stringify(after)) return { timed, recordedFrom, film: history };
+  keepKeys(before.scene, after.scene);
   const recorded = state.server !== null && !removed && JSON.stringify(before.takes) !== JSON.stringify(after.takes);
   return { timed, recordedFrom, film: recorded ? commit(history, after) : { ...history, present: after }, clip: null };
 }
@@ -65,6 +67,7 @@ async function send(): Promise<void> {
     update(({ film, server, clip }) => {
       const has = reply ?? server?.film ?? EMPTY; // takes are in the order of their times; refused: as before
       const edited = film.present; // perhaps meanwhile
+      keepKeys(sent.scene, has.scene);
       const present = { takes: edited.takes === sent.takes ? has.takes : edited.takes, scene: edited.scene === sent.scene ? has.scene : edited.scene };
       const moved = present.takes.some(({ file }, i) => file !== edited.takes[i]?.file);
       return { server: server && { ...server, film: { ...server.film, ...has } }, film: settle(film, present), clip: moved ? null : clip };

@@ -16,8 +16,9 @@ export function keys(event: KeyboardEvent): void {
   const typing = event.target instanceof HTMLInputElement && event.target.type !== "checkbox" && event.target.type !== "range";
   const command = event.ctrlKey || event.metaKey;
   const key = event.key.toLowerCase();
-  const { face, clip, character, made, asking } = current();
-  if (event.repeat || ((made !== null || asking !== null) && key !== "escape")) return;
+  const { face, clip, character, made, asking, help } = current();
+  const covered = made !== null || asking !== null || help; // the keys of what is behind a dialog rest
+  if (event.repeat || (covered && key !== "escape" && !(help && key === "?"))) return;
   if (command && key === "s") {
     if (face === "workshop" && character !== null) void save(character);
   } else if (typing) return;

@@ -5,7 +5,8 @@ import { chooseFace, rememberedFace } from "../src/face";
 import { recordedSeconds } from "../src/film";
 import type { FilmCharacter } from "../src/messages";
 import { EMPTY } from "../src/model/film";
-import { titleOf, withItem } from "../src/model/scene";
+import { withItem } from "../src/model/rows";
+import { titleOf } from "../src/model/scene";
 import { strings } from "../src/strings";
 import { FILM, NAME, Page, PUPPET, chooser, clip, pass, take, typing } from "./page";
 
@@ -144,4 +145,35 @@ test("names of files become names for people, and rows stay in the order of thei
   assert.deepEqual(withItem(rows, 2, { at: 2 }), [{ at: 1 }, { at: 2 }, { at: 3 }]);
   assert.deepEqual(withItem(rows, 0, { at: 4 }), [{ at: 3 }, { at: 4 }]);
   assert.deepEqual(withItem(rows, 1, null), [{ at: 1 }]);
+});
+
+test("a row keeps its key while it is edited, wherever its time puts it, and after the server has answered", async () => {
+  const page = await film();
+  const keys = (): unknown[] => page.every("div", "entry").map((each) => each.is("key"));
+  await page.field(strings.scene.firstTitle).enter("One");
+  await page.field(strings.scene.newTitle).enter("Two");
+  const [one, two] = keys();
+  assert.notEqual(one, two);
+  await page.within(page.every("div", "entry")[0] ?? page.button("Film")).find((each) => each.is("type") === "number")?.enter(9);
+  assert.deepEqual(page.server.state.film.scene.title.map(({ text }) => text), ["Two", "One"]);
+  await pass(0);
+  assert.deepEqual(keys(), [two, one]);
+  page.server.change({ film: { ...page.server.state.film, scene: structuredClone(page.server.state.film.scene), problem: "" } });
+  assert.deepEqual(keys(), [two, one]);
+  await page.press("z", { ctrlKey: true });
+  assert.deepEqual(keys(), [one, two]);
+});
+
+test("keys of the page rest behind a dialog", async () => {
+  const page = await film();
+  await page.press("?");
+  for (const key of ["r", " ", "Delete"]) await page.press(key);
+  await page.press("z", { ctrlKey: true });
+  assert.deepEqual(page.server.requests.filter(({ do: what }) => what !== "puppet"), []);
+  assert.ok(page.state.help);
+  await page.press("Escape");
+  assert.ok(!page.state.help);
+  await page.press("?");
+  await page.press("?");
+  assert.ok(!page.state.help);
 });

@@ -32,9 +32,3 @@ export const rowOf = ({ character }: Scene, name: string): FilmCharacter | undef
 /** Change the row of a character. */
 export const withRow = ({ character }: Scene, name: string, change: Partial<FilmCharacter>): Scene["character"] =>
   character.map((each) => (each.name === name ? { ...each, ...change } : each));
-
-/** Replace, add or remove (with null) a row of a list by its number; rows with a time stay in the order of their times. */
-export function withItem<T extends { readonly at?: number }>(rows: readonly T[], index: number, row: T | null): readonly T[] {
-  const changed = row === null ? rows.toSpliced(index, 1) : rows.toSpliced(index, 1, row);
-  return changed.toSorted((a, b) => (a.at ?? 0) - (b.at ?? 0));
-}

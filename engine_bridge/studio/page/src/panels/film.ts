@@ -68,5 +68,5 @@ function help({ help: open }: State): Child {
 }
 
 function dialog(title: string, ...children: readonly Child[]): Node_ {
-  return h("div", { class: "cover", key: title }, h("div", { class: "dialog stack", role: "dialog", "aria-modal": "true", "aria-label": title }, h("h2", {}, title), children));
+  return h("dialog", { class: "dialog stack", modal: true, "aria-label": title, key: title }, h("h2", {}, title), children);
 }

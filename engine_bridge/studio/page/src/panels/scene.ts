@@ -4,7 +4,8 @@ import { type Node_, h } from "../dom";
 import { chooseMedia } from "../files";
 import { editScene, position } from "../film";
 import type { FilmBubble, FilmCamera, FilmMusic, FilmTitle } from "../messages";
-import { pictureOfSet, placeOf, titleOf, withItem } from "../model/scene";
+import { keyOf, withItem } from "../model/rows";
+import { pictureOfSet, placeOf, titleOf } from "../model/scene";
 import { type State, current } from "../store";
 import { strings } from "../strings";
 import { button, checkbox, entry, field, number, section, select, slider } from "./parts";
@@ -109,7 +110,7 @@ function titles({ film }: State): Node_ {
   return section(
     words.titles,
     rows.map((row, i) =>
-      item(`title${i}`, words.title(i + 1), row, (next) => {
+      item(words.title(i + 1), row, (next) => {
         change(i, next);
       }, [
         entry(words.title(i + 1), row.text, (text) => {
@@ -147,7 +148,7 @@ function bubbles(state: State): Node_ {
     words.bubbles,
     rows.map((row, i) =>
       row.kind !== "name" &&
-      item(`bubble${i}`, words.bubble(name(state, row.character)), row, (next) => {
+      item(words.bubble(name(state, row.character)), row, (next) => {
         change(i, next);
       }, [
         entry(words.bubble(name(state, row.character)), row.text ?? "", (text) => {
@@ -175,7 +176,7 @@ function shots(state: State): Node_ {
     words.camera,
     rows.length === 0 && h("p", { class: "small" }, words.noShots),
     rows.map((row, i) =>
-      item(`shot${i}`, words.shot(i + 1), row, (next) => {
+      item(words.shot(i + 1), row, (next) => {
         change(i, next);
       }, [
         h(
@@ -205,11 +206,11 @@ const name = ({ server }: State, character: string): string =>
   titleOf(character, server?.characters.find((each) => each.name === character)?.title ?? "");
 
 /** A row with the second at which it begins and perhaps how long it is shown, and a button that deletes it. */
-function item<T extends { readonly at?: number; readonly seconds?: number }>(key: string, title: string, row: T, change: (row: T | null) => void, controls: readonly (Node_ | false)[]): Node_ {
+function item<T extends { readonly at?: number; readonly seconds?: number }>(title: string, row: T, change: (row: T | null) => void, controls: readonly (Node_ | false)[]): Node_ {
   const { scene: words } = strings;
   return h(
     "div",
-    { class: "entry", role: "group", "aria-label": title, key },
+    { class: "entry", role: "group", "aria-label": title, key: keyOf(row) },
     controls,
     h(
       "div",

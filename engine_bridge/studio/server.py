@@ -24,7 +24,7 @@ from engine_bridge.studio.screen.screen_key import ScreenKey
 from engine_bridge.studio.service.joined_service import JoinedService
 from engine_bridge.studio.service.own_service import OwnService
 from engine_bridge.studio.web.page_access import Addresses, Tokens, check_exposure
-from engine_bridge.studio.web.phone_app import serve_phones
+from engine_bridge.studio.web.phone_app import serve_films, serve_phones
 from engine_bridge.studio.web.web_app import PAGE, Access, make_app
 from puppetline.errors import ServiceError
 
@@ -183,7 +183,7 @@ def _backend(settings: StudioSettings, own: Path, puppets: dict[str, Path], invi
 
         workspace = Workspace(settings.folder)
         service = OwnService(workspace.folder, _service_token(workspace.folder))
-        return Studio(workspace, service, invite, settings.sound)
+        return Studio(workspace, service, invite, serve_films, settings.sound)
     joined = JoinedService(settings.service, settings.service_token)
     return JoinedStudio(Workspace(own), joined, invite, puppets)  # another studio may use the folder
 

@@ -29,6 +29,11 @@ SPACING_METRES = 1.6
 """Distance between characters in a film, in metres."""
 
 
+def new_code() -> str:
+    """Return a code that cannot be guessed."""
+    return "".join(secrets.choice(CODE_LETTERS) for _ in range(CODE_LENGTH))
+
+
 @dataclass
 class Clip:
     """What a visitor records.
@@ -56,7 +61,7 @@ class Clip:
     @classmethod
     def begin(cls, folder: Path, stage: Stage, size: tuple[int, int], began: float) -> Self:
         """Return a clip of the performers of a stage, with a new code; its scene is written."""
-        path = folder / ("".join(secrets.choice(CODE_LETTERS) for _ in range(CODE_LENGTH)) + ".log")
+        path = folder / f"{new_code()}.log"
         driven = [
             (each.character.name, each.document.path, each.user) for each in stage.players if each.user is not None
         ]

@@ -14,6 +14,7 @@ from engine_bridge.inspection.finding import Finding
 from engine_bridge.performance.settings import PerformerFormat
 from engine_bridge.studio.backend.backend import Backend, puppet_reply
 from engine_bridge.studio.backend.film_editing import FilmEditing
+from engine_bridge.studio.backend.film_sharing import FilmSharing, Serve
 from engine_bridge.studio.backend.page_state import character_state, state_of
 from engine_bridge.studio.backend.request_checks import check_known, check_one, in_use
 from engine_bridge.studio.backend.take_drawing import TakeDrawing
@@ -46,6 +47,8 @@ class Studio(Backend):
         The service.
     invite : callable
         Returns an address with a new one-time token.
+    serve : callable
+        Serves films to phones, see `Serve`.
     sound : str, optional
         What is heard from the start, instead of the system's microphone when a page switches it on.
     """
@@ -53,7 +56,12 @@ class Studio(Backend):
     service: OwnService
 
     def __init__(
-        self, workspace: Workspace, service: OwnService, invite: Callable[[], str], sound: str | None = None
+        self,
+        workspace: Workspace,
+        service: OwnService,
+        invite: Callable[[], str],
+        serve: Serve,
+        sound: str | None = None,
     ) -> None:
         super().__init__(workspace, service, invite)
         self._worker, self._exporter = Worker(), Worker()
@@ -66,6 +74,7 @@ class Studio(Backend):
         self._takes = TakeList(workspace)
         self._film = FilmEditing(workspace, service, self._takes)
         self._pictures = TakeDrawing(self._takes, self.characters, self._exporter, self.changed)
+        self._sharing = FilmSharing(workspace, self._exporter, serve)
         self._changing, self._listing = asyncio.Lock(), asyncio.Lock()
 
     def _service_changed(self) -> None:
@@ -153,6 +162,7 @@ class Studio(Backend):
     async def close(self) -> None:
         """End the service and all work."""
         await self._pictures.close()
+        await self._sharing.close()
         await self._worker.close()
         await self._exporter.close()
         await self.service.close()
@@ -164,7 +174,7 @@ class Studio(Backend):
 
     async def _do_open_puppet(self, asked: characters.OpenPuppet) -> dict[str, Any]:
         puppet = self.workspace.upload(asked.upload, "puppet")
-        mesh = self._mesh_of(puppet) if asked.mesh is None else self.workspace.upload(asked.mesh, "character")
+        mesh = self.workspace.mesh_of(puppet) if asked.mesh is None else self.workspace.upload(asked.mesh, "character")
         return await self._open(puppet.name, partial(self.characters.open_puppet, puppet, mesh))
 
     async def _do_open_example(self, asked: characters.OpenExample) -> dict[str, Any]:
@@ -295,6 +305,10 @@ class Studio(Backend):
             return film.FilmReply(file=file.id, name=file.name, **made).model_dump(mode="json")
 
         return await self._jobs.run("Making the film", work)
+
+    async def _do_share_film(self, asked: film.ShareFilm) -> dict[str, Any]:
+        shared = await self._sharing.share(self.workspace.export(asked.file).path)
+        return shared.model_dump(mode="json")
 
     async def _do_install(self, asked: film.Install) -> dict[str, Any]:
         self._refuse_while_recording()
@@ -452,20 +466,6 @@ class Studio(Backend):
         }
         with contextlib.suppress(PuppetlineError):
             self.workspace.write_session(values)
-
-    def _mesh_of(self, puppet: Upload) -> Upload:
-        """Return the uploaded mesh that a puppet file names."""
-        name = Path(str(puppet.facts["character"]).replace("\\", "/")).name
-        meshes = [each for each in self.workspace.uploads.values() if each.kind == "character"]
-        found = [each for each in meshes if each.name == name]
-        if found:
-            return found[-1]
-        raise ServiceError(
-            puppet.name,
-            found=f"the mesh {name!r}, which was not uploaded",
-            expected="an upload of that name",
-            fix=f"Upload {name} too, or choose another mesh.",
-        )
 
 
 @contextlib.contextmanager

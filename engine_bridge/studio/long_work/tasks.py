@@ -19,6 +19,7 @@ from engine_bridge.export.convert import convert, describe
 from engine_bridge.export.performer import convert as performer_conversion
 from engine_bridge.export.shader_mesh import write_shader_mesh
 from engine_bridge.film.film import make_video
+from engine_bridge.film.sharing import share_video
 from engine_bridge.inspection import files, sensors
 from engine_bridge.performance.rig import Rig, rig_of
 from engine_bridge.performance.settings import Form, Settings
@@ -219,6 +220,11 @@ def make_film(progress: Progress, scene: Path, output: Path) -> dict[str, Any]:
 def plan_film(progress: Progress, scene: Path) -> dict[str, Any]:
     """Return the plan of a scene file, see `engine_bridge.studio.long_work.film_plans`."""
     return film_plans.plan_for_page(scene, progress).model_dump(mode="json")
+
+
+def share_film(_progress: Progress, video: Path) -> None:
+    """Write a poster and a .gif beside a video."""
+    share_video(video)
 
 
 def install(progress: Progress, extra: str) -> None:

@@ -77,6 +77,22 @@ class FilmReply(Table):
     notes: Sequence[str]
 
 
+class ShareFilm(Request):
+    """Let phones in the same network open a film that was made. Result: `ShareReply`."""
+
+    do: Literal["share_film"]
+    file: str
+
+
+class ShareReply(Table):
+    """A film that is shared: its address for phones, the QR code of it (SVG, base64), and a poster to download."""
+
+    address: str
+    code: str
+    poster: str
+    poster_name: str
+
+
 class Install(Request):
     """Install what a webcam, films or a microphone require, an extra, with pip, a job. Result: ``{}``."""
 

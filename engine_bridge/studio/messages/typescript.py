@@ -19,7 +19,7 @@ from engine_bridge.puppet import puppet
 from engine_bridge.service.monitoring.status import Status, TimelineStatus
 from engine_bridge.studio.messages.characters import PuppetReply
 from engine_bridge.studio.messages.connection import Greeting, ServerError
-from engine_bridge.studio.messages.film import FilmReply, Install
+from engine_bridge.studio.messages.film import FilmReply, Install, ShareReply
 from engine_bridge.studio.messages.film_plan import FilmPlan
 from engine_bridge.studio.messages.performers import LookReply, SmoothingReply, Sources
 from engine_bridge.studio.messages.screen import ScreenSettings
@@ -88,6 +88,7 @@ ROOTS: tuple[type, ...] = (
     ExportReply,
     FilmReply,
     FilmPlan,
+    ShareReply,
     ScreenSettings,
     Status,
 )

@@ -207,6 +207,44 @@ class Workspace:
         """The sounds and pictures of films, relative to the folder."""
         return [each.relative_to(self.folder).as_posix() for each in (self.folder / "media").iterdir()]
 
+    def mesh_of(self, puppet: Upload) -> Upload:
+        """Return the uploaded mesh that a puppet file names.
+
+        Raises
+        ------
+        ServiceError
+            It was not uploaded.
+        """
+        name = Path(str(puppet.facts["character"]).replace("\\", "/")).name
+        meshes = [each for each in self.uploads.values() if each.kind == "character"]
+        found = [each for each in meshes if each.name == name]
+        if found:
+            return found[-1]
+        raise ServiceError(
+            puppet.name,
+            found=f"the mesh {name!r}, which was not uploaded",
+            expected="an upload of that name",
+            fix=f"Upload {name} too, or choose another mesh.",
+        )
+
+    def export(self, key: str) -> Download:
+        """Return a file that was exported.
+
+        Raises
+        ------
+        ServiceError
+            There is no such file.
+        """
+        found = self.downloads.get(key)
+        if found is None or found.kind != "export":
+            raise ServiceError(
+                "the request, file",
+                found=f"no file {key!r:.80}",
+                expected="the id of a film that was made",
+                fix="Make the film again.",
+            )
+        return found
+
     def discard(self, path: Path) -> None:
         """Delete a received file that is not kept."""
         shutil.rmtree(path.parent, ignore_errors=True)

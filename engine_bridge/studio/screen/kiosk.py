@@ -9,6 +9,7 @@ from engine_bridge.service.kiosk.kiosk_table import KioskTable
 from engine_bridge.service.loading import service_file
 from engine_bridge.service.loading.service_file import character_names
 from engine_bridge.studio.screen.phone_address import phone_address
+from engine_bridge.studio.screen.shared_films import FilmFolder
 
 
 @dataclass(frozen=True)
@@ -62,5 +63,4 @@ class VisitorsKiosk:
 
     def film_file(self, code: str, ending: str) -> Path | None:
         """Return the film (``".mp4"``), poster (``".jpg"``) or ``".gif"`` of a code; None if there is none."""
-        path = self.visitors / (code + ending)
-        return path if path.with_suffix(".mp4").is_file() and path.is_file() else None
+        return FilmFolder(self.visitors).film_file(code, ending)

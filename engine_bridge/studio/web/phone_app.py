@@ -1,4 +1,4 @@
-"""The web server for visitors' phones: a page with a film, to play, save and share. It has nothing else to reach."""
+"""The web server for phones: a page with a film, to play, save and share. It has nothing else to reach."""
 
 import asyncio
 import logging
@@ -9,6 +9,7 @@ from aiohttp import web
 
 from engine_bridge.service.kiosk.clip import CODE
 from engine_bridge.studio.screen.kiosk import VisitorsKiosk
+from engine_bridge.studio.screen.shared_films import Films
 from engine_bridge.studio.web.film_routes import add_films
 from engine_bridge.studio.web.phone_connections import REQUEST_SECONDS, limited
 
@@ -42,7 +43,9 @@ PAGE = """<!doctype html>
 FILM = """<video src="/{code}.mp4" poster="/{code}.jpg" controls autoplay muted loop playsinline></video>
     <a class="first" href="/{code}.mp4?save" download="film-{code}.mp4">Save my film</a>
     <a href="/{code}.gif?save" download="film-{code}.gif">Save as a moving picture (.gif)</a>
-    <p>This page is deleted in a few minutes. Save your film now.</p>"""
+    <p>{note}</p>"""
+
+VISITORS_NOTE = "This page is deleted in a few minutes. Save your film now."
 
 FORM = """{problem}<form action="/">
       <label for="code">Type your code</label>
@@ -72,15 +75,17 @@ input { font-size: 1.5rem; letter-spacing: 0.3em; text-transform: uppercase; }
 log = logging.getLogger(__name__)
 
 
-def make_phone_app(kiosk: VisitorsKiosk) -> web.Application:
-    """Return the application."""
+def make_phone_app(films: Films, note: str = VISITORS_NOTE) -> web.Application:
+    """Return the application; the page of a film ends with a note."""
     app = web.Application(middlewares=[_headed])
-    add_films(app.router, kiosk)
+    add_films(app.router, films)
 
     async def film(request: web.Request) -> web.StreamResponse:
         code = request.match_info["code"]
-        found = kiosk.film_file(code, ".mp4") is not None
-        return _page(FILM.format(code=code) if found else FORM.format(problem=NO_FILM), 200 if found else 404)
+        found = films.film_file(code, ".mp4") is not None
+        return _page(
+            FILM.format(code=code, note=note) if found else FORM.format(problem=NO_FILM), 200 if found else 404
+        )
 
     app.router.add_get(f"/{{code:{CODE}}}", film)
     app.router.add_get("/", _form)
@@ -89,14 +94,17 @@ def make_phone_app(kiosk: VisitorsKiosk) -> web.Application:
 
 
 async def serve_phones(kiosk: VisitorsKiosk) -> None:
-    """Serve phones on all addresses of this machine, until cancelled."""
-    runner = web.AppRunner(
-        make_phone_app(kiosk), access_log=None, shutdown_timeout=1.0, keepalive_timeout=REQUEST_SECONDS
-    )
+    """Serve visitors' films on all addresses of this machine, until cancelled."""
+    await serve_films(kiosk, await _bound(kiosk.table.phone_port))
+
+
+async def serve_films(films: Films, listener: socket.socket, note: str = VISITORS_NOTE) -> None:
+    """Serve films until cancelled; `listener` is then closed."""
+    app = make_phone_app(films, note)
+    runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0, keepalive_timeout=REQUEST_SECONDS)
     await runner.setup()
     assert runner.server is not None  # noqa: S101 - it is set up
     try:
-        listener = await _bound(kiosk.table.phone_port)
         async with await asyncio.get_running_loop().create_server(limited(runner.server), sock=listener) as server:
             await server.serve_forever()
     finally:

@@ -1,20 +1,16 @@
 """The paths of screens: the pages ``/kiosk`` and ``/stage``, and what they load (docs/kiosk.md)."""
 
-import io
 import secrets
 from collections.abc import Callable
 from pathlib import Path
 
-import segno
 from aiohttp import web
 
 from engine_bridge.service.kiosk.clip import CODE
 from engine_bridge.studio.messages.screen import KioskScreen, ScreenSettings
 from engine_bridge.studio.screen.kiosk import VisitorsKiosk
+from engine_bridge.studio.screen.shared_films import qr_code
 from engine_bridge.studio.web.film_routes import add_films, sent
-
-MARGIN = 4
-"""Width of the white margin of a QR code in modules, which readers need (ISO/IEC 18004)."""
 
 
 class ScreenRoutes:
@@ -76,11 +72,7 @@ class ScreenRoutes:
         phones = _of(self._kiosk).phone_address
         if phones is None:
             raise web.HTTPNotFound
-        image = io.BytesIO()
-        segno.make(f"{phones}/{request.match_info['code']}", error="m", micro=False).save(
-            image, kind="svg", border=MARGIN, light="white"
-        )
-        return web.Response(body=image.getvalue(), content_type="image/svg+xml")
+        return web.Response(body=qr_code(f"{phones}/{request.match_info['code']}"), content_type="image/svg+xml")
 
 
 def _of(kiosk: VisitorsKiosk | None) -> VisitorsKiosk:

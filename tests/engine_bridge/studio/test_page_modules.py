@@ -14,7 +14,7 @@ import pytest
 from pydantic import TypeAdapter
 
 from engine_bridge.puppet.puppet_values import puppet_of
-from engine_bridge.studio.messages import characters, connection, film, performers, typescript
+from engine_bridge.studio.messages import characters, connection, film, film_plan, performers, typescript
 from engine_bridge.studio.messages.requests import REQUESTS
 from engine_bridge.studio.messages.state import ProgressEvent, SourceState, State
 
@@ -30,6 +30,8 @@ REPLIES = {
     "edit": characters.PuppetReply,
     "change_plan": characters.PuppetReply,
     "edit_film": film.FilmState,
+    "plan_film": film_plan.FilmPlan,
+    "share_film": film.ShareReply,
     "sources": performers.Sources,
     "look": performers.LookReply,
     "smoothing_preview": performers.SmoothingReply,

@@ -1,6 +1,6 @@
 /** The film of the takes: edits, playing on the stage, the count-in, and making the video. */
 
-import type { Extra, FilmReply, FilmState, FilmTake, ServerState } from "./messages";
+import type { Extra, FilmReply, FilmState, FilmTake, ServerState, ShareReply } from "./messages";
 import { EMPTY, type Film, endOf, filmOf } from "./model/film";
 import { begin, commit, settle, type undo } from "./model/history";
 import { keepKeys } from "./model/rows";
@@ -159,7 +159,15 @@ export async function makeFilm(): Promise<void> {
   if (made === null) return;
   const blob = await download(made.file);
   closeFilm();
-  update({ made: { ...made, url: URL.createObjectURL(new Blob([blob], { type: "video/mp4" })) } });
+  update({ made: { ...made, url: URL.createObjectURL(new Blob([blob], { type: "video/mp4" })), shared: null } });
+}
+
+/** Let phones open the film that was made. */
+export async function shareFilm(): Promise<void> {
+  const { made } = current();
+  if (made === null) return;
+  const shared = await request<ShareReply>(strings.busy.share, "share_film", { file: made.file });
+  update(({ made: shown }) => (shown?.file === made.file ? { made: { ...shown, shared } } : {}));
 }
 
 export function closeFilm(): void {

@@ -107,6 +107,13 @@ export interface FilmPlan {
   readonly moments: readonly Moment[];
 }
 
+export interface ShareReply {
+  readonly address: string;
+  readonly code: string;
+  readonly poster: string;
+  readonly poster_name: string;
+}
+
 export interface ScreenSettings {
   readonly run: string;
   readonly models: readonly string[];

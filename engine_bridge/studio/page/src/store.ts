@@ -1,6 +1,6 @@
 /** The page's state, in one place: what the server has sent, and what the user has chosen in this window. */
 
-import type { ExportReply, Extra, FilmCharacter, FilmPlan, FilmReply, Greeting, LookReply, ServerState, SmoothingReply, Sources } from "./messages";
+import type { ExportReply, Extra, FilmCharacter, FilmPlan, FilmReply, Greeting, LookReply, ServerState, ShareReply, SmoothingReply, Sources } from "./messages";
 import { EMPTY, type Film } from "./model/film";
 import { type History, begin } from "./model/history";
 import type { Part, Puppet } from "./model/puppet";
@@ -94,8 +94,8 @@ export interface State {
   readonly recordedFrom: number | null;
   /** What the count-in shows; 0 is the clapper. */
   readonly count: number | null;
-  /** The film that was made. */
-  readonly made: (FilmReply & { readonly url: string }) | null;
+  /** The film that was made, and how phones reach it if it is shared. */
+  readonly made: (FilmReply & { readonly url: string; readonly shared: ShareReply | null }) | null;
   /** What the page asks to install. */
   readonly asking: Extra | null;
   /** The side panel that is open in a narrow window. */

@@ -169,6 +169,7 @@ export const strings = {
     film: "Changing the film…",
     play: "Playing…",
     make: "Making the film…",
+    share: "Sharing the film…",
     install: "Getting ready…",
     microphone: "Changing the microphone…",
     record: "Starting the recording…",

@@ -237,6 +237,12 @@ test("a film is made, shown and saved; what that needs is installed if the user 
   assert.ok(page.text.includes("Take 1 is short."));
   await page.button("Save the film").click();
   assert.equal(saved.at(-1)?.name, "film.mp4");
+  page.server.on("share_film", () => ({ address: "http://192.168.1.5:7482/K7M2QX", code: "PHN2Zy8+", poster: "file-10", poster_name: "film.jpg" }));
+  await page.button("Show it on a phone").click();
+  assert.deepEqual(page.server.asked("share_film"), [{ file: "file-9" }]);
+  assert.equal(page.every("a").find((each) => each.text.includes("K7M2QX"))?.is("href"), "http://192.168.1.5:7482/K7M2QX");
+  await page.button("Save a poster").click();
+  assert.equal(saved.at(-1)?.name, "film.jpg");
   await page.press("Escape");
   assert.equal(page.state.made, null);
 });

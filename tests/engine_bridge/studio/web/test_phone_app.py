@@ -11,8 +11,9 @@ from aiohttp.test_utils import TestClient, TestServer
 
 from engine_bridge.service.kiosk.kiosk_table import KioskTable
 from engine_bridge.studio.screen.kiosk import VisitorsKiosk
+from engine_bridge.studio.screen.shared_films import MARGIN
 from engine_bridge.studio.web.phone_app import make_phone_app, serve_phones
-from engine_bridge.studio.web.screen_routes import MARGIN, ScreenRoutes
+from engine_bridge.studio.web.screen_routes import ScreenRoutes
 
 from ...service.conftest import free_port
 

@@ -2,7 +2,7 @@
 
 import { offer } from "../actions";
 import { type Child, type Node_, h } from "../dom";
-import { closeFilm, install } from "../film";
+import { closeFilm, install, shareFilm } from "../film";
 import { type State, update } from "../store";
 import { strings } from "../strings";
 import { button } from "./parts";
@@ -17,7 +17,8 @@ function count({ count: left }: State): Child {
   return h("div", { class: "count", role: "status", key: "count" }, left === 0 && h("span", { class: "clapper", "aria-hidden": "true" }), h("span", { key: words }, words));
 }
 
-function made({ made: film }: State): Child {
+function made(state: State): Child {
+  const { made: film } = state;
   const { film: words } = strings;
   if (film === null) return null;
   return dialog(
@@ -30,7 +31,20 @@ function made({ made: film }: State): Child {
       button(words.download, () => {
         void offer(film.file, film.name);
       }, { primary: true }),
+      film.shared === null
+        ? button(words.share, () => {
+            void shareFilm();
+          }, { disabled: state.busy.includes(strings.busy.share) })
+        : button(words.poster, () => {
+            if (film.shared !== null) void offer(film.shared.poster, film.shared.poster_name);
+          }),
       button(words.close, closeFilm),
+    ),
+    film.shared !== null && h(
+      "div",
+      { class: "shared", role: "status", key: "shared" },
+      h("img", { src: `data:image/svg+xml;base64,${film.shared.code}`, alt: words.qrCode }),
+      h("p", {}, words.shared, h("a", { href: film.shared.address, target: "_blank", rel: "noopener" }, film.shared.address)),
     ),
   );
 }

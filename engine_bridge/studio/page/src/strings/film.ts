@@ -128,6 +128,10 @@ export const film = {
     action: "Action!",
     yours: "Your film",
     download: "Save the film",
+    share: "Show it on a phone",
+    shared: "Point the phone's camera at the picture, or type the address. The phone must be in the same network: ",
+    qrCode: "QR code of the film's address",
+    poster: "Save a poster",
     close: "Close",
   },
 

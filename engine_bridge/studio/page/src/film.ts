@@ -4,7 +4,7 @@ import type { Extra, FilmReply, FilmState, FilmTake, ServerState, ShareReply } f
 import { EMPTY, type Film, endOf, filmOf } from "./model/film";
 import { begin, commit, settle, type undo } from "./model/history";
 import { keepKeys } from "./model/rows";
-import { download, request } from "./requests";
+import { download, request, tried } from "./requests";
 import { context } from "./sound";
 import { type State, current, update } from "./store";
 import { strings } from "./strings";
@@ -47,9 +47,9 @@ export function editTakes(takes: readonly FilmTake[], change: Partial<State> = {
 }
 
 /** Replace tables of the film's scene. */
-export function editScene(change: Partial<Film["scene"]>): void {
+export function editScene(tables: Partial<Film["scene"]>, change: Partial<State> = {}): void {
   const { present } = current().film;
-  editFilm({ ...present, scene: { ...present.scene, ...change } });
+  editFilm({ ...present, scene: { ...present.scene, ...tables } }, change);
 }
 
 export function stepFilm(move: typeof undo): void {
@@ -197,12 +197,12 @@ export function pictureOf(id: string): string {
   const known = pictures.get(id);
   if (known !== undefined || id === "") return known ?? "";
   pictures.set(id, "");
-  void download(id).then(
+  void tried(() => download(id)).then(
     (blob) => {
       pictures.set(id, URL.createObjectURL(blob));
       update({});
     },
-    () => pictures.delete(id),
+    () => undefined, // the page does without it
   );
   return "";
 }

@@ -15,7 +15,7 @@ import { showFilm } from "./panels/shown_film";
 import { movePlayhead } from "./panels/strip";
 import { put } from "./placing";
 import { planFilm, shownMoment } from "./plan";
-import { connection, download } from "./requests";
+import { connection, download, tried } from "./requests";
 import { playSounds } from "./sound";
 import { type State, current, subscribe, update } from "./store";
 import { strings } from "./strings";
@@ -28,7 +28,7 @@ const place = document.createElement("div");
 place.className = "viewer";
 
 const viewer = new Viewer(place, {
-  download,
+  download: (id) => tried(() => download(id)),
   arrived: () => {
     render(current());
   },
@@ -42,8 +42,7 @@ const viewer = new Viewer(place, {
     update({ draft });
   },
   stood: ({ name, ...change }) => {
-    editScene({ character: withRow(current().film.present.scene, name, change) });
-    update({ draft: null });
+    editScene({ character: withRow(current().film.present.scene, name, change) }, { draft: null });
   },
   drawn: (name, picture) => {
     update(({ portraits }) => ({ portraits: { ...portraits, [name]: picture } }));

@@ -24,3 +24,18 @@ export async function doing<T>(text: string, work: () => Promise<T>): Promise<T 
 
 export const request = <T>(text: string, what: string, values: object = {}): Promise<T | null> =>
   doing(text, () => connection.request<T>(what, values));
+
+/** Pauses before what has failed is tried again, in milliseconds. */
+const PAUSES = [1000, 4000, 16_000];
+
+/** Do work that may fail for a while, such as loading a picture, at most four times. */
+export async function tried<T>(work: () => Promise<T>): Promise<T> {
+  for (const pause of PAUSES) {
+    try {
+      return await work();
+    } catch {
+      await new Promise((resolve) => setTimeout(resolve, pause));
+    }
+  }
+  return work();
+}

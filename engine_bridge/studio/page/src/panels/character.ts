@@ -5,7 +5,7 @@ import { type Node_, h } from "../dom";
 import { editScene } from "../film";
 import type { FilmCharacter } from "../messages";
 import { FARTHEST, rowOf, titleOf, withRow } from "../model/scene";
-import { type State, isJoined, shownCharacter, update } from "../store";
+import { type State, current, isJoined, shownCharacter, update } from "../store";
 import { strings } from "../strings";
 import { portrait } from "./characters";
 import { button, checkbox, entry, section, slider } from "./parts";
@@ -26,12 +26,12 @@ export function character(state: State, height: number | null): Node_ {
     void closeCharacter(name);
   }, { quiet: true, danger: true });
   if (row === undefined) return h("div", { class: "stack", key: "character" }, heading, remove);
+  const drafted = (): Partial<FilmCharacter> => (current().draft?.name === name ? current().draft : null) ?? {};
   const change = (values: Partial<FilmCharacter>): void => {
-    editScene({ character: withRow(scene, name, values) });
-    update({ draft: null });
+    editScene({ character: withRow(scene, name, { ...drafted(), ...values }) }, { draft: null });
   };
   const slide = (values: Partial<FilmCharacter>): void => {
-    update({ draft: { name, ...values } });
+    update({ draft: { ...drafted(), ...values, name } });
   };
   const draft = state.draft?.name === name ? state.draft : row;
   const [x, z] = draft.position ?? row.position ?? [0, 0];

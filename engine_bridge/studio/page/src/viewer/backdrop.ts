@@ -59,6 +59,10 @@ export class Backdrop {
       this.floor.color = bottom;
       this.group.visible = true;
       this.changed();
+    }, undefined, () => {
+      if (this.shown !== picture) return;
+      this.group.visible = false; // rather none than the place before
+      this.changed();
     });
   }
 }

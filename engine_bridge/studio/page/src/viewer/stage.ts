@@ -322,7 +322,7 @@ export class Stage {
 }
 
 /** Move a camera in front of a box, looking from a direction, and return the point that it looks at. */
-function aim(camera: PerspectiveCamera, box: Box3, from: Vector3, room: number): Vector3 {
+export function aim(camera: PerspectiveCamera, box: Box3, from: Vector3, room: number): Vector3 {
   const size = box.getSize(new Vector3());
   const centre = box.getCenter(new Vector3());
   const { aspect, fov } = camera;

@@ -12,6 +12,7 @@ import { type State, current, shownPuppet } from "../store";
 import { Figure } from "./figure";
 import { Ground } from "./ground";
 import { type Marks, drawMarks, marksOf, movedBy, partAt } from "./overlay";
+import { untilRelease } from "./pointer";
 import { PlayingFilm } from "./playing_film";
 import { Portraits } from "./portraits";
 import { FRONT, SIDE, Stage } from "./stage";
@@ -41,8 +42,8 @@ export interface Callbacks {
   resting: () => void;
   /** A character was clicked. */
   chosen: (name: string) => void;
-  /** A character is dragged over the floor, or was dragged there. */
-  standing: (draft: Draft) => void;
+  /** A character is dragged over the floor, or with null no more; or it was dragged there. */
+  standing: (draft: Draft | null) => void;
   stood: (draft: Draft) => void;
   /** A character's moving picture was drawn. */
   drawn: (name: string, picture: string) => void;
@@ -385,23 +386,12 @@ export class Viewer {
       draft = dragged(row, from, this.stage.through(foot[0] + moved.offsetX - x, foot[1] + moved.offsetY - y)) ?? draft;
       if (draft !== null) this.callbacks.standing(draft);
     };
-    this.untilRelease(drag, () => {
+    untilRelease(this.overlay, drag, () => {
       if (draft === null) this.callbacks.chosen(name);
       else this.callbacks.stood(draft);
+    }, () => {
+      this.callbacks.standing(null);
     });
-  }
-
-  /** Call a function while the pointer moves, and another one when it is released. */
-  private untilRelease(drag: (event: PointerEvent) => void, released: () => void): void {
-    const release = (): void => {
-      this.overlay.removeEventListener("pointermove", drag);
-      this.overlay.removeEventListener("pointerup", release);
-      this.overlay.removeEventListener("pointercancel", release);
-      released();
-    };
-    this.overlay.addEventListener("pointermove", drag);
-    this.overlay.addEventListener("pointerup", release);
-    this.overlay.addEventListener("pointercancel", release);
   }
 
   /** Begin a click, or the drag of a point; a drag beside all points moves the camera. */
@@ -430,13 +420,16 @@ export class Viewer {
       this.draft = move(puppet, part, to);
       this.dirty = true;
     };
-    this.untilRelease(drag, () => {
+    untilRelease(this.overlay, drag, () => {
       const { draft } = this;
       if (!dragging) this.click(figure, part, x, y);
       else if (draft !== null && part !== null) {
         this.callbacks.moved(draft);
         this.callbacks.picked(part);
       }
+    }, () => {
+      this.draft = null;
+      this.dirty = true;
     });
   }
 

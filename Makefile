@@ -43,7 +43,7 @@ INSTALL := bin/pip install --quiet --disable-pip-version-check --no-compile
 # The page of puppetline studio is built by node 20 or newer; where there is none, a package brings it. Type checks and
 # lint rules have further packages, which only `make lint` installs.
 PAGE := engine_bridge/studio/page
-PAGE_SOURCES := $(shell find $(PAGE)/src $(PAGE)/pictures integrations/web -type f -not -path '*/node_modules/*' 2>/dev/null) \
+PAGE_SOURCES := $(shell find $(PAGE)/src $(PAGE)/styles $(PAGE)/pictures integrations/web -type f -not -path '*/node_modules/*' 2>/dev/null) \
 	$(addprefix $(PAGE)/,build.mjs index.html screen.html style.css screen.css)
 NODE_IS_NEW := node -e 'process.exit(Number(process.versions.node.split(".")[0]) < 20)' && npm --version
 WITH_NODE := if ! ($(NODE_IS_NEW)) >/dev/null 2>&1; then PATH="$(CURDIR)/.venv/bin:$$PATH"; fi && cd $(PAGE) &&

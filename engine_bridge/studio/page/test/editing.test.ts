@@ -2,7 +2,8 @@ import assert from "node:assert/strict";
 import test from "node:test";
 
 import type { Puppet } from "../src/model/puppet";
-import { NAME, PUPPET, Page, typing } from "./page";
+import { Page, typing } from "./page";
+import { NAME, PUPPET } from "./server";
 
 const edited = (page: Page): Puppet[] => page.server.asked("edit").map((each) => (each as { puppet: Puppet }).puppet);
 

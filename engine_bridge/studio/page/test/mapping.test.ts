@@ -1,7 +1,8 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 
-import { NAME, PUPPET, Page, focused } from "./page";
+import { Page, focused } from "./page";
+import { NAME, PUPPET } from "./server";
 
 test("a joint moves the limb, the point or the handle that is clicked after it, or that was selected before it", async () => {
   const page = await Page.open();

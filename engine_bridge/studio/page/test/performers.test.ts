@@ -2,7 +2,8 @@ import assert from "node:assert/strict";
 import test from "node:test";
 
 import { openFiles } from "../src/files";
-import { Page, chooser, pass } from "./page";
+import { pass } from "./clock";
+import { Page, chooser } from "./page";
 
 const SOURCES = {
   characters: [], examples: ["walk", "rear"],

@@ -5,7 +5,9 @@ import type { FilmPlan, Moment, ShownView } from "../src/messages";
 import { momentAt } from "../src/model/plan";
 import { shownMoment } from "../src/plan";
 import { strings } from "../src/strings";
-import { FILM, NAME, Page, clip, pass, take } from "./page";
+import { pass } from "./clock";
+import { Page } from "./page";
+import { FILM, NAME, clip, take } from "./server";
 
 const view = (shot: number, x: number): ShownView => ({ shot, share: 1, eye: [x, 1, 4], target: [x, 1, 0], field_of_view: 30, bubbles: [{ number: 0, opacity: 1, middle: [x / 10, 0.2], tip: [0.5, 0.5] }] });
 const moment = (views: ShownView[], x: number): Moment => ({ brightness: 1, titles: [1], views, places: { [NAME]: [x, 0, 0, 90] } });

@@ -5,7 +5,9 @@ import type { Timeline } from "../src/messages";
 import { EMPTY } from "../src/model/film";
 import { playSounds } from "../src/sound";
 import { INITIAL, type State } from "../src/store";
-import { Page, clip, pass, take } from "./page";
+import { pass } from "./clock";
+import { Page } from "./page";
+import { clip, take } from "./server";
 
 interface Playing {
   readonly speed: number;

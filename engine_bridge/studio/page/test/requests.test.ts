@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import test from "node:test";
 
 import { tried } from "../src/requests";
-import { pass } from "./page";
+import { pass } from "./clock";
 
 const failing = (times: number): { count: number; work: () => Promise<string> } => {
   const calls = { count: 0, work: () => ++calls.count > times ? Promise.resolve("a picture") : Promise.reject(new Error("lost")) };

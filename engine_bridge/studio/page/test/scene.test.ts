@@ -8,7 +8,9 @@ import { EMPTY } from "../src/model/film";
 import { withItem } from "../src/model/rows";
 import { titleOf } from "../src/model/scene";
 import { strings } from "../src/strings";
-import { FILM, NAME, Page, PUPPET, chooser, clip, pass, take, typing } from "./page";
+import { pass } from "./clock";
+import { Page, chooser, typing } from "./page";
+import { FILM, NAME, PUPPET, clip, take } from "./server";
 
 const ROW: FilmCharacter = { name: NAME, puppet: "live.toml" };
 

@@ -1,7 +1,8 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 
-import { Page, pass } from "./page";
+import { pass } from "./clock";
+import { Page } from "./page";
 
 test("a page whose connection is lost says so, and connects again with its session", async () => {
   const page = await Page.open((server) => server.hold("edit"));

@@ -5,7 +5,9 @@ import type { Timeline } from "../src/messages";
 import { editScene, position } from "../src/film";
 import { EMPTY, filmOf } from "../src/model/film";
 import { update } from "../src/store";
-import { FILM, NAME, Page, clip, pass, saved, take, typing } from "./page";
+import { pass } from "./clock";
+import { Page, saved, typing } from "./page";
+import { FILM, NAME, clip, take } from "./server";
 
 const TIMELINE: Timeline = { position: 1, moment: 0, start: 0, end: 8, speed: 2, paused: false, loop: false, takes: [] };
 

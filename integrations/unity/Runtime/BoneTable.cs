@@ -141,7 +141,7 @@ namespace Puppetline
     ""foot"": ""foot feet footback ankle paw hoof 足首"",
     ""toes"": ""toe toes toebase ball bigtoe つま先"",
     ""tail"": ""tail 尻尾"",
-    ""wing"": ""wing feather 翼 羽""
+    ""wing"": ""wing feather fin flipper topflipper midflipper bottomflipper 翼 羽""
   },
   ""fingers"": {
     ""thumb"": ""thumb finger.0 親指"",

@@ -39,7 +39,7 @@ END_RATIO = 0.5
 them."""
 
 INNER_SHARE = 0.2
-"""Minimum share of the contacts of a branch with joints that have others below them, for it to be a whole limb."""
+"""Share of the contacts of a branch, above which it is a whole limb if they are with joints that have others below."""
 
 END_PARTS = ("foot", "toes", "hand", "palm")
 """Parts at the ends of legs and arms."""

@@ -115,7 +115,10 @@ def _outermost(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _lifting_axes(ways: NDArray[np.float64], basis: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the level unit vectors (b, 3) about which directions turn up; those that are upright, away from behind."""
+    """Return the level unit vectors (b, 3) about which bones at rest (b, 3) turn upwards.
+
+    An upright bone has no such axis. It turns about the body's left side, so that its tail rises behind the body.
+    """
     axes = np.cross(ways, basis[1])
     lengths = np.linalg.norm(axes, axis=1, keepdims=True)
     level = lengths > 1e-6 * np.linalg.norm(ways, axis=1, keepdims=True)

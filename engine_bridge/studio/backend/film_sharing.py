@@ -67,7 +67,7 @@ class FilmSharing:
         for old in sorted(path.parent.glob("*.mp4"), key=lambda each: each.stat().st_mtime)[: 1 - MAX_SHARED]:
             for each in path.parent.glob(f"{old.stem}.*"):
                 each.unlink()
-        shutil.copyfile(film, path)
+        await asyncio.to_thread(shutil.copyfile, film, path)
         await self._worker.run("share_film", path)
         if self._serving is None or self._serving.done():
             listener = free_listener(PORT)

@@ -128,6 +128,7 @@ def test_a_port_that_is_in_use_is_tried_again(kiosk, free_port, monkeypatch, cap
                 break
             except OSError:
                 await asyncio.sleep(0.01)
+        assert writer.get_extra_info("peername")[1] == port
         writer.close()
         serving.cancel()
 

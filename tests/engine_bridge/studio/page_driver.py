@@ -159,12 +159,19 @@ class Window:
         x, y, _ = next(each for each in limbs if each["name"] == limb)["points"][point]
         return box["x"] + x, box["y"] + y
 
-    def drag(self, start, end):
-        """Drag the pointer."""
+    @contextlib.contextmanager
+    def dragged(self, start, end):
+        """Drag the pointer, and hold it at the end meanwhile."""
         self.page.mouse.move(*start)
         self.page.mouse.down()
         self.page.mouse.move(*end, steps=4)
+        yield
         self.page.mouse.up()
+
+    def drag(self, start, end):
+        """Drag the pointer."""
+        with self.dragged(start, end):
+            pass
 
     def edited(self, before):
         """Wait until the puppet differs from another one, and what was edited is applied."""

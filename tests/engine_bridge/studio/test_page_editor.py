@@ -90,7 +90,9 @@ def test_points_are_dragged_nudged_and_deleted_in_the_view_and_each_step_is_undo
     before = window.puppet
     points = window.limb("left arm")["points"]
     x, y = window.place("left arm", 1)
-    window.drag((x, y), (x + 30, y - 20))
+    window.page.evaluate("window.reported = studio.state().server")
+    with window.dragged((x, y), (x + 30, y - 20)):
+        window.until("state.server !== reported")  # the drag is not lost by what the server reports meanwhile
     window.edited(before)
     dragged = window.limb("left arm")["points"]
     assert [dragged[0], dragged[2]] == [points[0], points[2]]

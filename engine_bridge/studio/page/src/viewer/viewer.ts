@@ -59,8 +59,8 @@ export class Viewer {
   private readonly figures = new Map<string, Figure>();
   private marks: Marks = { limbs: [], handles: [] };
   private hover: Part | null = null;
-  private draft: Puppet | null = null;
-  private puppets: State["puppets"] = {};
+  /** Where a point is dragged to. */
+  private drag: { readonly part: Part; readonly to: Vector } | null = null;
   private joint: Joint | null = null;
   /** What the camera was moved in front of: the face of the page, and the characters that are shown. */
   private framed = "";
@@ -193,8 +193,6 @@ export class Viewer {
 
   /** Draw again after the state has changed. */
   refresh(state: State): void {
-    if (state.puppets !== this.puppets) this.draft = null;
-    this.puppets = state.puppets;
     this.dirty = true;
     this.overlay.classList.toggle("placing", state.tool !== "select");
     this.overlay.classList.toggle("film", state.face === "film");
@@ -262,7 +260,6 @@ export class Viewer {
   private arrived(): void {
     this.standing = "";
     this.refresh(current());
-    this.dirty = true;
     this.callbacks.arrived();
   }
 
@@ -283,7 +280,6 @@ export class Viewer {
       if (right !== null) figure.group.position.x = right + 0.15 * (max.x - min.x) - min.x;
       right = figure.box().max.x;
     }
-    this.dirty = true;
     return true;
   }
 
@@ -330,7 +326,7 @@ export class Viewer {
     if (context === null || colours === null) return;
     const state = current();
     const figure = this.chosen();
-    const puppet = this.draft ?? shownPuppet(state);
+    const puppet = this.edited();
     context.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, 0, 0);
     context.clearRect(0, 0, this.overlay.width, this.overlay.height);
     this.marks = { limbs: [], handles: [] };
@@ -344,6 +340,12 @@ export class Viewer {
       moved: movedBy(puppet, this.joint ?? state.joint),
       drawn: state.drawn.map((point) => this.stage.project(figure, point)),
     });
+  }
+
+  /** The shown puppet, with the point that is dragged where it would be put. */
+  private edited(): Puppet | null {
+    const puppet = shownPuppet(current());
+    return puppet === null || this.drag === null ? puppet : move(puppet, this.drag.part, this.drag.to);
   }
 
   private listen(): void {
@@ -409,6 +411,10 @@ export class Viewer {
     }
     const start = this.stage.ray(figure, x, y);
     let dragging = false;
+    const stop = (): void => {
+      this.drag = null;
+      this.dirty = true;
+    };
     const drag = (moved: PointerEvent): void => {
       if (!dragging && Math.hypot(moved.offsetX - x, moved.offsetY - y) > SLOP) {
         dragging = true;
@@ -417,20 +423,18 @@ export class Viewer {
       if (!dragging || part === null || from === null) return;
       const to = this.dragged(figure, part, from, start, this.stage.ray(figure, moved.offsetX, moved.offsetY));
       if (to === null) return;
-      this.draft = move(puppet, part, to);
+      this.drag = { part, to };
       this.dirty = true;
     };
     untilRelease(this.overlay, drag, () => {
-      const { draft } = this;
+      const edited = this.edited();
       if (!dragging) this.click(figure, part, x, y);
-      else if (draft !== null && part !== null) {
-        this.callbacks.moved(draft);
+      else if (this.drag !== null && edited !== null) {
+        this.callbacks.moved(edited);
         this.callbacks.picked(part);
       }
-    }, () => {
-      this.draft = null;
-      this.dirty = true;
-    });
+      stop();
+    }, stop);
   }
 
   private click(figure: Figure, part: Part | null, x: number, y: number): void {

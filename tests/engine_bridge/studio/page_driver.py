@@ -99,7 +99,8 @@ class Studio(Command):
 
     def open(self, browser, face="workshop", **options):
         """Open the page in a window of its own, with a face."""
-        context = browser.new_context(**({"viewport": {"width": 1280, "height": 720}} | options))
+        coarse = {"viewport": {"width": 1280, "height": 720}, "device_scale_factor": 0.5}
+        context = browser.new_context(**(coarse | options))
         return Window(context, self.address(), face)
 
 

@@ -50,7 +50,10 @@ class Keyboard:
 
 def test_a_film_of_two_own_meshes_is_made_with_the_keyboard_alone(blob_file, opengl, browser, tmp_path):
     meshes = [shutil.copy(blob_file, tmp_path / f"{name}.glb") for name in ("ada", "bob")]
-    with running(tmp_path / "studio") as studio:
+    folder = tmp_path / "studio"
+    folder.mkdir()
+    (folder / "film.toml").write_text("[film]\nsize = [160, 90]\n")
+    with running(folder) as studio:
         window = studio.open(browser, face="film")
         keys = Keyboard(window)
         window.until("state.connected === 'open' && state.server")

@@ -83,8 +83,8 @@ def test_the_engines_clock_is_scaled_and_paused(puppet, send):
 def test_a_recording_has_every_frame_once_however_late_it_comes(puppet, send):
     program = puppet("Engine", interpolationDelay=0.05)
     program.tell(f"capture {1 / FPS}")
-    frames = range(26)  # one more, since times are rounded
-    send(frames)
+    wait_for(program, 0)  # the command has been followed: frames that came before it would be delayed
+    send(range(26))  # one more, since times are rounded
     times = ask(program, *[f"tick {1 / FPS}"] * 24)
     assert times == pytest.approx([number / FPS for number in range(1, 25)], abs=1e-5)
     program.tell("capture 0")

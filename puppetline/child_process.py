@@ -28,6 +28,11 @@ END_SECONDS = 10.0
 log = logging.getLogger(__name__)
 
 
+def processor_count() -> int:
+    """Return the number of processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def bound_to_parent(environment: Mapping[str, str] = os.environ) -> dict[str, Any]:
     """Return options of a child process that runs `puppetline` and ends with this process.
 

@@ -1,7 +1,6 @@
 """Runs jobs in worker processes on this machine."""
 
 import multiprocessing
-import os
 import signal
 import sys
 from collections import deque
@@ -18,11 +17,6 @@ POLL_SECONDS = 0.25
 """Maximum time to wait for an outcome before `check` is called, in seconds."""
 
 _CONTEXT = multiprocessing.get_context("spawn")
-
-
-def processor_count() -> int:
-    """Return the number of processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def convert_in_processes(

@@ -104,7 +104,7 @@ def batch(
     from engine_bridge.batch import run
     from engine_bridge.batch.batch import new_run
     from engine_bridge.batch.conversion import BatchSettings
-    from engine_bridge.batch.workers import processor_count
+    from puppetline.child_process import processor_count
 
     if workers is None:
         workers = processor_count() if shard is None else 0

@@ -11,6 +11,9 @@ if TYPE_CHECKING:
 NO_WINDOW: tuple[dict[str, Any], ...] = ({"backend": "egl"}, {}) if sys.platform == "linux" else ({},)
 """How a context without a window is made, in the order in which the ways are tried."""
 
+SOFTWARE = "llvmpipe", "softpipe"
+"""Beginnings of the names of devices that are programs: Mesa's."""
+
 INSTALL = (
     "Install it: pip install 'puppetline[film]'. On Debian without a display, also: apt install libegl1 libgl1-mesa-dri"
 )

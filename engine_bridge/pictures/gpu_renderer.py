@@ -17,7 +17,7 @@ from engine_bridge.character.materials import Appearance
 from engine_bridge.pictures import gpu_shaders as shaders
 from engine_bridge.pictures.camera import Camera, orthographic
 from engine_bridge.pictures.coarse import coarse_triangles
-from engine_bridge.pictures.gpu_context import make_context
+from engine_bridge.pictures.gpu_context import SOFTWARE, make_context
 from engine_bridge.pictures.gpu_scene import Overlay, Panorama, Stage, Surroundings
 from engine_bridge.pictures.renderer import CLAY
 
@@ -140,6 +140,11 @@ class GpuRenderer:
     def device(self) -> str:
         """Name of the device that draws."""
         return str(self.context.info["GL_RENDERER"])
+
+    @property
+    def in_software(self) -> bool:
+        """Whether no graphics card draws."""
+        return self.device.startswith(SOFTWARE)
 
     def _depth_map(self, size: int) -> "tuple[moderngl.Texture, moderngl.Framebuffer]":
         depths = self.context.depth_texture((size, size))

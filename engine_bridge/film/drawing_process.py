@@ -1,0 +1,171 @@
+"""Processes that draw frames of a film beside the one that writes it, because graphics in software wait for one core.
+
+A process gets pickles at its standard input: what `Canvas` is made of, what `Canvas.add` takes, and then the frames. It
+writes their pixels to its standard output. It ends when the film's process does, because that closes the pipes.
+"""
+
+import os
+import pickle
+import subprocess
+import sys
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from io import FileIO
+from itertools import cycle
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine_bridge.film.drawing import Canvas, Characters, ShownFrame
+from engine_bridge.pictures.gpu_scene import Stage
+from puppetline.child_process import processor_count
+from puppetline.errors import PuppetlineError
+from puppetline.interrupts import OWN_GROUP
+
+MODULE = "engine_bridge.film.drawing_process"
+"""Program of the process."""
+
+MIN_PIXELS = 640 * 480
+"""Size of a frame from which on other processes draw, too; smaller films are ready before these have started."""
+
+MAX_PROCESSES = 4
+"""Maximum number of processes that draw, each with 300 MB of memory: more draw faster than one encodes."""
+
+AHEAD = 3
+"""Maximum number of frames that a process has, so that it draws while this process is busy."""
+
+
+def processes_beside(canvas: Canvas) -> int:
+    """Return the number of processes that draw beside this one: none where a graphics card does."""
+    large = int(np.prod(canvas.renderer.size)) >= MIN_PIXELS
+    return min(processor_count(), MAX_PROCESSES) - 1 if large and canvas.renderer.in_software else 0
+
+
+class DrawingProcess:
+    """A process that draws frames as a canvas of this process does.
+
+    Parameters
+    ----------
+    canvas : Canvas
+    """
+
+    def __init__(self, canvas: Canvas) -> None:
+        width, height = canvas.renderer.size
+        self._shape = height, width, 4
+        pipes: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+        command = [sys.executable, "-P", "-m", MODULE]
+        self._process = subprocess.Popen(command, **pipes, **OWN_GROUP)  # noqa: S603 - Ctrl-C ends it through this process
+        self._send(canvas.setup)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.kill()
+        with suppress(OSError), self._process:  # waits, and closes the pipes; what it has not read cannot be sent
+            pass
+
+    def add(self, stage: Stage, characters: Characters) -> None:
+        """Call `Canvas.add`.
+
+        Raises
+        ------
+        PuppetlineError
+            The process has ended.
+        """
+        self._send((stage, characters))
+
+    def begin(self, frame: ShownFrame) -> None:
+        """Let it draw a frame, after those before it.
+
+        Raises
+        ------
+        PuppetlineError
+            The process has ended.
+        """
+        self._send(frame)
+
+    def drawn(self) -> NDArray[np.uint8]:
+        """Return the pixels (h, w, 4) of the next of the frames that it draws.
+
+        Raises
+        ------
+        PuppetlineError
+            The process has ended.
+        """
+        pipe: Any = self._process.stdout
+        pixels = np.empty(self._shape, np.uint8)
+        if pipe.readinto(pixels.data.cast("B")) < pixels.nbytes:
+            raise _ended()
+        return pixels
+
+    def _send(self, message: object) -> None:
+        pipe: Any = self._process.stdin
+        try:
+            pickle.dump(message, pipe, pickle.HIGHEST_PROTOCOL)
+            pipe.flush()
+        except OSError as error:
+            raise _ended() from error
+
+
+def draw_in_order(
+    frames: Iterable[ShownFrame], canvas: Canvas, others: Sequence[DrawingProcess]
+) -> Iterator[NDArray[np.uint8]]:
+    """Yield the pixels (h, w, 4) of frames, which other processes and this one draw in turn.
+
+    Raises
+    ------
+    PuppetlineError
+        A process has ended.
+    """
+    waiting = deque[tuple[DrawingProcess | None, ShownFrame]]()
+
+    def next_drawn() -> NDArray[np.uint8]:
+        process, frame = waiting.popleft()
+        return canvas.draw(frame) if process is None else process.drawn()
+
+    for frame, process in zip(frames, cycle((*others, None)), strict=False):
+        if process is not None:
+            process.begin(frame)
+        waiting.append((process, frame))
+        if len(waiting) > (AHEAD - 1) * (len(others) + 1) or not others:
+            yield next_drawn()
+    while waiting:
+        yield next_drawn()
+
+
+def _ended() -> PuppetlineError:
+    return PuppetlineError(
+        "the film",
+        found="a process that ended while it drew frames",
+        expected="processes that draw until the film ends",
+        fix="Read its output. The memory may be too small; if so, choose a smaller size.",
+    )
+
+
+def main() -> None:
+    """Draw frames until the film's process ends."""
+    messages, pixels = sys.stdin.buffer, FileIO(os.dup(1), "wb")
+    os.dup2(2, 1)  # output of libraries must not mix with the pixels
+    # pixels are sent while the next frame is drawn or read, so that neither process waits for the other to read
+    with (
+        suppress(EOFError, pickle.UnpicklingError),
+        ThreadPoolExecutor(1) as sending,
+        Canvas(*pickle.load(messages)) as canvas,  # noqa: S301 - the film's process wrote it
+    ):
+        canvas.add(*pickle.load(messages))  # noqa: S301
+        while True:
+            sending.submit(_send, pixels, canvas.draw(pickle.load(messages)))  # noqa: S301
+
+
+def _send(file: FileIO, pixels: NDArray[np.uint8]) -> None:
+    rest = pixels.data.cast("B")
+    while rest:
+        rest = rest[file.write(rest) :]
+
+
+if __name__ == "__main__":
+    main()

@@ -91,6 +91,11 @@ class GpuRenderer:
     samples : int
         Samples per pixel for edges.
 
+    Attributes
+    ----------
+    device : str
+        Name of the device that draws.
+
     Raises
     ------
     OutputError
@@ -100,6 +105,7 @@ class GpuRenderer:
     def __init__(self, size: tuple[int, int], samples: int = SAMPLES) -> None:
         self.context = ctx = make_context()
         self.size = size
+        self.device = str(ctx.info["GL_RENDERER"])
         samples = min(samples, ctx.max_samples) if samples > 1 else 0
         self._frame = ctx.framebuffer([ctx.renderbuffer(size, 4)])
         self._behind = ctx.framebuffer([ctx.renderbuffer(size, 4)])
@@ -135,11 +141,6 @@ class GpuRenderer:
 
     def __exit__(self, *_: object) -> None:
         self.context.release()
-
-    @property
-    def device(self) -> str:
-        """Name of the device that draws."""
-        return str(self.context.info["GL_RENDERER"])
 
     @property
     def in_software(self) -> bool:

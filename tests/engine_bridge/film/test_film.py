@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from engine_bridge.character import own_targets
 from engine_bridge.film import film as films
+from engine_bridge.film.drawing import Canvas
 from engine_bridge.film.film import make_video
 from engine_bridge.film.production import produce
 from engine_bridge.film.scene import SceneError, load
@@ -85,9 +86,10 @@ def test_every_frame_of_the_longest_take_is_in_the_video_and_every_second_one_in
 @pytest.mark.slow
 def test_a_part_shows_the_same_frames_as_the_whole_film(write_scene, tmp_path, monkeypatch):
     shown = []
-    draw = films._View.draw
+    look, draw = films._Frames.__getitem__, Canvas.draw
+    monkeypatch.setattr(films._Frames, "__getitem__", lambda frames, frame: (frame, look(frames, frame)))
     monkeypatch.setattr(
-        films._View, "draw", lambda view, frame: shown.append((frame, draw(view, frame))) or shown[-1][1]
+        Canvas, "draw", lambda canvas, frame: shown.append((frame[0], draw(canvas, frame[1]))) or shown[-1][1]
     )
     path = write_scene(SCENE + '[[title]]\ntext = "a"\n[[camera]]\nshot = "follow"\n[[camera]]\nat = 1\nshow = ["b"]\n')
     make_video(path, tmp_path / "whole.mp4", 0, None, False, quiet)
@@ -121,13 +123,11 @@ def test_a_character_is_drawn_with_its_mouth_open_when_it_speaks(write_scene, ta
     path = write_scene(SCENE.replace("LIMBED", str(talking(False))))
     actor = produce(path, load(path), quiet).actors[0]
     pose = actor.pose(0)
-    with GpuRenderer((16, 16)) as renderer:
-        drawn, shown = films._DrawnActor(actor, renderer), []
-        drawn.drawn.move = lambda positions, _normals: shown.append(positions)
-        for value in (0.0, 1.0, 0.0):
-            speaking = replace(pose, channels={"voice": value})
-            monkeypatch.setattr(actor, "pose", lambda _, speaking=speaking: speaking)
-            drawn.move(0)
+    surface, shown = films._Surface(actor), []
+    for value in (0.0, 1.0, 0.0):
+        speaking = replace(pose, channels={"voice": value})
+        monkeypatch.setattr(actor, "pose", lambda _, speaking=speaking: speaking)
+        shown.append(surface.at(0)[0])
     moved = np.linalg.norm(shown[1] - shown[0], axis=1) / actor.footing.scale
     expected = np.linalg.norm(own_targets.displacements(actor.rig.character, "jaw"), axis=1)
     assert_allclose(moved, expected, atol=0.05 * expected.max())

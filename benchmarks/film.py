@@ -99,8 +99,9 @@ def measure_film(folder: Path) -> None:
     while process.poll() is None:
         with contextlib.suppress(psutil.Error, OSError):
             waited = queued_seconds(process.pid)
-            memory = max(memory, process.memory_info().rss)
-            used = sum(process.cpu_times()[:2])
+            family = [process, *process.children()]  # those that draw, too
+            memory = max(memory, sum(each.memory_info().rss for each in family))
+            used = max(used, sum(sum(each.cpu_times()[:2]) for each in family))
         time.sleep(0.2)
     print(
         f"ten seconds: {time.monotonic() - started:.0f} s, of them {waited:.0f} s without a processor; "

@@ -26,12 +26,11 @@ Characters = Sequence[tuple[Sequence[Part], Sequence[Appearance]]]
 """The parts of characters, and their materials."""
 
 
-class ShownPicture(NamedTuple):
-    """A bubble or title in a frame: its pixels (h, w, 4), opacity, and edges as shares of the frame."""
+ShownPicture = tuple[NDArray[np.uint8], float, tuple[float, float, float, float]]
+"""A bubble or title in a frame: its pixels (h, w, 4), opacity, and edges as shares of the frame."""
 
-    pixels: NDArray[np.uint8]
-    opacity: float
-    edges: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0)
+WHOLE_FRAME = 0.0, 0.0, 1.0, 1.0
+"""Edges of a picture that covers the frame."""
 
 
 class ShownView(NamedTuple):
@@ -95,7 +94,7 @@ class Canvas:
         return np.rint(mixed).astype(np.uint8)
 
     def _draw_view(self, view: ShownView) -> NDArray[np.uint8]:
-        over = [Overlay(self.renderer.picture(each.pixels), each.opacity, each.edges) for each in view.pictures]
+        over = [Overlay(self.renderer.picture(pixels), opacity, edges) for pixels, opacity, edges in view.pictures]
         pixels = self.renderer.draw(view.camera, self._stage, self._surfaces, self._around, over)
         for each in over:
             each.picture.release()

@@ -9,9 +9,10 @@ import pickle
 import subprocess
 import sys
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from functools import partial
 from io import FileIO
 from itertools import cycle
 from typing import Any, Self
@@ -19,8 +20,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.film.drawing import Canvas, Characters, ShownFrame
-from engine_bridge.pictures.gpu_scene import Stage
+from engine_bridge.film.drawing import Canvas, ShownFrame
 from puppetline.child_process import processor_count
 from puppetline.errors import PuppetlineError
 from puppetline.interrupts import OWN_GROUP
@@ -47,9 +47,10 @@ def processes_beside(canvas: Canvas) -> int:
 class DrawingProcess:
     """A process that draws frames as a canvas of this process does.
 
-    Parameters
-    ----------
-    canvas : Canvas
+    Raises
+    ------
+    PuppetlineError
+        It has ended; by any method.
     """
 
     def __init__(self, canvas: Canvas) -> None:
@@ -58,7 +59,7 @@ class DrawingProcess:
         pipes: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
         command = [sys.executable, "-P", "-m", MODULE]
         self._process = subprocess.Popen(command, **pipes, **OWN_GROUP)  # noqa: S603 - Ctrl-C ends it through this process
-        self._send(canvas.setup)
+        self.send(canvas.setup)
 
     def __enter__(self) -> Self:
         return self
@@ -68,47 +69,22 @@ class DrawingProcess:
         with suppress(OSError), self._process:  # waits, and closes the pipes; what it has not read cannot be sent
             pass
 
-    def add(self, stage: Stage, characters: Characters) -> None:
-        """Call `Canvas.add`.
-
-        Raises
-        ------
-        PuppetlineError
-            The process has ended.
-        """
-        self._send((stage, characters))
-
-    def begin(self, frame: ShownFrame) -> None:
-        """Let it draw a frame, after those before it.
-
-        Raises
-        ------
-        PuppetlineError
-            The process has ended.
-        """
-        self._send(frame)
-
-    def drawn(self) -> NDArray[np.uint8]:
-        """Return the pixels (h, w, 4) of the next of the frames that it draws.
-
-        Raises
-        ------
-        PuppetlineError
-            The process has ended.
-        """
-        pipe: Any = self._process.stdout
-        pixels = np.empty(self._shape, np.uint8)
-        if pipe.readinto(pixels.data.cast("B")) < pixels.nbytes:
-            raise _ended()
-        return pixels
-
-    def _send(self, message: object) -> None:
+    def send(self, message: object) -> None:
+        """Send what `Canvas` takes, then what `Canvas.add` takes, and then frames."""
         pipe: Any = self._process.stdin
         try:
             pickle.dump(message, pipe, pickle.HIGHEST_PROTOCOL)
             pipe.flush()
         except OSError as error:
             raise _ended() from error
+
+    def drawn(self) -> NDArray[np.uint8]:
+        """Return the pixels (h, w, 4) of the next of its frames."""
+        pipe: Any = self._process.stdout
+        pixels = np.empty(self._shape, np.uint8)
+        if pipe.readinto(pixels.data.cast("B")) < pixels.nbytes:
+            raise _ended()
+        return pixels
 
 
 def draw_in_order(
@@ -121,20 +97,17 @@ def draw_in_order(
     PuppetlineError
         A process has ended.
     """
-    waiting = deque[tuple[DrawingProcess | None, ShownFrame]]()
-
-    def next_drawn() -> NDArray[np.uint8]:
-        process, frame = waiting.popleft()
-        return canvas.draw(frame) if process is None else process.drawn()
-
-    for frame, process in zip(frames, cycle((*others, None)), strict=False):
-        if process is not None:
-            process.begin(frame)
-        waiting.append((process, frame))
+    waiting = deque[Callable[[], NDArray[np.uint8]]]()
+    for frame, other in zip(frames, cycle((*others, None)), strict=False):
+        if other is None:
+            waiting.append(partial(canvas.draw, frame))
+        else:
+            other.send(frame)
+            waiting.append(other.drawn)
         if len(waiting) > (AHEAD - 1) * (len(others) + 1) or not others:
-            yield next_drawn()
+            yield waiting.popleft()()
     while waiting:
-        yield next_drawn()
+        yield waiting.popleft()()
 
 
 def _ended() -> PuppetlineError:

@@ -17,7 +17,7 @@ from engine_bridge.film import overlays
 from engine_bridge.film.actor import Actor
 from engine_bridge.film.av_library import require_av
 from engine_bridge.film.bubbles import Bubble, bubbles_of
-from engine_bridge.film.drawing import Canvas, ShownFrame, ShownPicture, ShownView
+from engine_bridge.film.drawing import WHOLE_FRAME, Canvas, ShownFrame, ShownPicture, ShownView
 from engine_bridge.film.drawing_process import DrawingProcess, draw_in_order, processes_beside
 from engine_bridge.film.framing import View
 from engine_bridge.film.plan import FilmPlan
@@ -106,7 +106,7 @@ def make_video(
         frames = _Frames(production, bubbles, size, progress)
         canvas.add(frames.stage, frames.characters)
         for other in others:
-            other.add(frames.stage, frames.characters)
+            other.send((frames.stage, frames.characters))
         samples = [canvas.draw(frames[number]) for number in _samples(numbers, ending)]
         beside = opened.enter_context(written_whole(output))
         fps = production.fps / numbers.step
@@ -230,7 +230,7 @@ class _Frames:
     def _shown_bubbles(self, frame: int, view: View) -> Iterator[ShownPicture]:
         for number, opacity, place in self._plan.bubbles(frame, view):
             pixels, edges = self._bubbles[number].draw(place)
-            yield ShownPicture(pixels, opacity, edges)
+            yield pixels, opacity, edges
 
     def _shown_titles(self, frame: int) -> Iterator[ShownPicture]:
         scene, path = self._production.scene, self._production.path
@@ -239,7 +239,7 @@ class _Frames:
                 if number not in self._titles:
                     where = at(path, field=f"[[title]] {number + 1}")
                     self._titles[number] = overlays.title(table, self._size, where, path.parent)
-                yield ShownPicture(self._titles[number], opacity)
+                yield self._titles[number], opacity, WHOLE_FRAME
             else:
                 self._titles.pop(number, None)
 

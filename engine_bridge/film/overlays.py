@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageColor, ImageDraw, ImageOps
+from PIL import Image, ImageColor, ImageDraw, ImageFont, ImageOps
 
 from engine_bridge.film.scene import BackgroundTable, SceneError, TitleTable
 from engine_bridge.film.typeface import typeface
@@ -12,6 +12,9 @@ from puppetline.errors import at
 
 MARGIN = 0.08
 """Distance of titles from the upper and lower edges, as a share of the height."""
+
+WIDTH = 0.9
+"""Maximum width of a title's lines, as a share of the picture's width; longer lines are broken at spaces."""
 
 OUTLINE = 0.06
 """Width of the dark outline of titles, as a share of their size."""
@@ -53,6 +56,7 @@ def title(table: TitleTable, size: tuple[int, int], where: str, folder: Path) ->
     """
     height = max(round(table.size * size[1]), 1)
     font = typeface(table.font, table.text, height, where, folder)
+    text = _wrapped(table.text, font, WIDTH * size[0])
     y, anchor = {
         "top": (MARGIN * size[1], "ma"),
         "middle": (size[1] / 2, "mm"),
@@ -62,7 +66,7 @@ def title(table: TitleTable, size: tuple[int, int], where: str, folder: Path) ->
     image = Image.new("RGBA", size, (*ImageColor.getrgb(table.color)[:3], 0))
     ImageDraw.Draw(image).multiline_text(
         (size[0] / 2, y),
-        table.text,
+        text,
         (*ImageColor.getrgb(table.color)[:3], 255),
         font,
         anchor=anchor,
@@ -71,6 +75,20 @@ def title(table: TitleTable, size: tuple[int, int], where: str, folder: Path) ->
         stroke_fill=(20, 22, 28, 190),
     )
     return np.asarray(image)
+
+
+def _wrapped(text: str, font: ImageFont.FreeTypeFont, width: float) -> str:
+    """Return a text whose lines are broken at spaces where they are longer than a width in pixels."""
+    lines = list[str]()
+    for line in text.split("\n"):
+        lines.append("")
+        for word in line.split(" "):
+            longer = f"{lines[-1]} {word}".lstrip()
+            if lines[-1] and font.getlength(longer) > width:
+                lines.append(word)
+            else:
+                lines[-1] = longer
+    return "\n".join(lines)
 
 
 def fading(time: float, begin: float, seconds: float, fade: float) -> float:

@@ -70,6 +70,13 @@ def typeface(font: str, text: str, height: int, where: str, folder: Path) -> Ima
     )
 
 
+def installed_file(name: str) -> Path | None:
+    """Return the file of a typeface in `FILES`; None for another name, or if its package is not installed."""
+    with contextlib.suppress(KeyError, ModuleNotFoundError):
+        return _packaged(*FILES[name])  # type: ignore[index]
+    return None
+
+
 def _packaged(package: str, file: str) -> Path:
     """Return the path of a typeface in a package."""
     return Path(str(resources.files(package))) / "files" / file

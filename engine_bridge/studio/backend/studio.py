@@ -64,7 +64,8 @@ class Studio(Backend):
         sound: str | None = None,
     ) -> None:
         super().__init__(workspace, service, invite)
-        self._worker, self._exporter = Worker(), Worker()
+        self._workers = Worker(), Worker(), Worker()  # none of these waits for what the others do
+        self._worker, self._exporter, self._planner = self._workers
         self._jobs = Jobs(self.changed, self._advanced, workspace.told)
         self.characters = Characters(workspace, self._worker)
         self._playing = chosen_source.NOTHING
@@ -163,8 +164,8 @@ class Studio(Backend):
         """End the service and all work."""
         await self._pictures.close()
         await self._sharing.close()
-        await self._worker.close()
-        await self._exporter.close()
+        for worker in self._workers:
+            await worker.close()
         await self.service.close()
 
     async def _do_open_character(self, asked: characters.OpenCharacter) -> dict[str, Any]:
@@ -292,7 +293,7 @@ class Studio(Backend):
         return {}
 
     async def _do_plan_film(self, _: film.PlanFilm) -> dict[str, Any]:
-        plan: dict[str, Any] = await self._exporter.run("plan_film", self._film.file.path)
+        plan: dict[str, Any] = await self._planner.run("plan_film", self._film.file.path)
         return plan
 
     async def _do_make_film(self, _: film.MakeFilm) -> dict[str, Any]:
@@ -319,8 +320,8 @@ class Studio(Backend):
                 try:
                     await self._exporter.run("install", asked.extra, progress=progress)
                 finally:
-                    await self._exporter.close()
-                    await self._worker.close()
+                    for worker in self._workers:
+                        await worker.close()
                     await self._apply()
             return {}
 

@@ -14,6 +14,7 @@ from engine_bridge.film.framing import Extent, View
 from engine_bridge.film.plan import FilmPlan
 from engine_bridge.film.production import Production, produce
 from engine_bridge.film.scene import Scene, load
+from engine_bridge.puppet import puppet_file
 from engine_bridge.studio.long_work.worker import Progress
 from engine_bridge.studio.messages import film_plan
 
@@ -68,9 +69,10 @@ _last: _Measured | None = None
 
 def _measured(scene_file: Path, scene: Scene, progress: Progress) -> _Measured:
     global _last
-    named = [*(each.puppet for each in scene.character), *(take.file for take in scene.take)]
-    paths = [scene_file.parent / name for name in named]
-    changes = [path.stat().st_mtime_ns if path.exists() else None for path in paths]
+    puppets = [scene_file.parent / each.puppet for each in scene.character]
+    meshes = [path.parent / puppet_file.load(path).character.mesh for path in puppets]
+    takes = [scene_file.parent / take.file for take in scene.take]
+    changes = [path.stat().st_mtime_ns if path.exists() else None for path in (*puppets, *meshes, *takes)]
     causes = (scene_file, scene.character, scene.take, scene.film.fps, scene.film.seconds, tuple(changes))
     if _last is None or _last.causes != causes:
         production = produce(scene_file, scene, progress)

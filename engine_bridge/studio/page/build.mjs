@@ -18,7 +18,7 @@ await build({ ...options, entryPoints: [`${root}src/start.ts`], outfile: `${root
 await build({ ...options, entryPoints: [`${root}src/screen/start.ts`], outfile: `${root}dist/assets/screen.js`, format: "esm" });
 await build({ ...options, entryPoints: [`${root}src/player.ts`], outfile: `${root}dist/player.js`, format: "iife" });
 for (const name of ["style", "screen"]) {
-  await build({ entryPoints: [`${root}${name}.css`], outfile: `${root}dist/assets/${name}.css`, bundle: true, minify: true });
+  await build({ entryPoints: [`${root}${name}.css`], outfile: `${root}dist/assets/${name}.css`, bundle: true, minify: true, external: ["/typefaces/*"] });
 }
 await cp(`${root}pictures`, `${root}dist/assets`, { recursive: true });
 for (const name of ["index", "screen"]) await copyFile(`${root}${name}.html`, `${root}dist/${name}.html`);

@@ -11,6 +11,7 @@ from urllib.parse import quote
 
 from aiohttp import web
 
+from engine_bridge.film.typeface import installed_file
 from engine_bridge.service.monitoring.logs import OnceASecond
 from engine_bridge.studio.backend.backend import Backend
 from engine_bridge.studio.project.workspace import UploadError
@@ -68,6 +69,7 @@ def make_app(studio: Backend, access: Access, page: Path = PAGE, kiosk: Visitors
     app.router.add_get("/stream", server.stream)
     app.router.add_post("/uploads", server.upload)
     app.router.add_get("/files/{file}", server.download)
+    app.router.add_get("/typefaces/{name}", server.typeface)
     screen = server.assets.get("screen.html")
     ScreenRoutes(screen, server.authorize_screen, lambda: studio.models, kiosk).add_to(app.router)
     app.router.add_get("/{path:.+}", server.asset)
@@ -110,6 +112,10 @@ class _Server:
     async def asset(self, request: web.Request) -> web.StreamResponse:
         """Send a file of the page that existed when the server started."""
         return sent(self.assets.get(request.match_info["path"]))
+
+    async def typeface(self, request: web.Request) -> web.StreamResponse:
+        """Send a typeface of films, in which the page shows titles and bubbles."""
+        return sent(installed_file(request.match_info["name"]))
 
     async def api(self, request: web.Request) -> web.StreamResponse:
         """Serve the protocol of `engine_bridge.studio.messages`."""

@@ -21,6 +21,16 @@ def test_a_title_is_centred_at_its_place(tmp_path, place, rows):
     assert (picture[picture[..., 3] == 255][:, :3] == 255).all(axis=1).any()
 
 
+def test_a_long_title_is_broken_at_spaces_and_stays_in_the_picture(tmp_path):
+    def title(text):
+        return overlays.title(TitleTable(text=text), SIZE, "title", tmp_path)
+
+    long = title("The knight and the great dinosaur that wanted to dance\nof the Lake")
+    columns = np.flatnonzero((long[..., 3] > 0).any(axis=0))
+    assert 0.04 * SIZE[0] < columns.min() < columns.max() < 0.96 * SIZE[0]
+    np.testing.assert_array_equal(long, title("The knight and the great dinosaur that\nwanted to dance\nof the Lake"))
+
+
 def test_a_title_fades_in_and_out():
     times = [0.9, 1.0, 1.25, 2.0, 2.75, 3.0, 3.1]
     assert [overlays.fading(time, 1, 2, 0.5) for time in times] == pytest.approx([0, 0, 0.5, 1, 0.5, 0, 0])

@@ -1,9 +1,8 @@
 /** The film of the takes: edits, playing on the stage, the count-in, and making the video. */
 
 import type { Extra, FilmReply, FilmState, FilmTake, ServerState, ShareReply } from "./messages";
-import { EMPTY, type Film, endOf, filmOf } from "./model/film";
+import { EMPTY, type Film, endOf, filmOf, keepFilm } from "./model/film";
 import { begin, commit, settle, type undo } from "./model/history";
-import { keepKeys } from "./model/rows";
 import { download, request, tried } from "./requests";
 import { context } from "./sound";
 import { type State, current, update } from "./store";
@@ -26,9 +25,9 @@ export function receivedFilm(state: State, server: ServerState): Partial<State> 
   const removed = state.server?.characters.some(({ name }) => !server.characters.some((each) => each.name === name)) === true;
   const history = removed ? begin(before) : state.film;
   if (sending || JSON.stringify(before) === JSON.stringify(after)) return { timed, recordedFrom, film: history };
-  keepKeys(before.scene, after.scene);
+  keepFilm(before, after);
   const recorded = state.server !== null && !removed && JSON.stringify(before.takes) !== JSON.stringify(after.takes);
-  return { timed, recordedFrom, film: recorded ? commit(history, after) : { ...history, present: after }, clip: null };
+  return { timed, recordedFrom, film: recorded ? commit(history, after) : { ...history, present: after } };
 }
 
 /** Whether a take is being recorded whose count-in is over, perhaps one that another window has begun. */
@@ -53,7 +52,7 @@ export function editScene(tables: Partial<Film["scene"]>, change: Partial<State>
 }
 
 export function stepFilm(move: typeof undo): void {
-  update(({ film }) => ({ film: move<Film>(film), clip: null }));
+  update(({ film }) => ({ film: move<Film>(film) }));
   void send();
 }
 
@@ -64,13 +63,12 @@ async function send(): Promise<void> {
   for (let change = unsent(current()); change !== null; change = unsent(current())) {
     const sent = current().film.present;
     const reply = await request<FilmState>(strings.busy.film, "edit_film", change);
-    update(({ film, server, clip }) => {
+    update(({ film, server }) => {
       const has = reply ?? server?.film ?? EMPTY; // takes are in the order of their times; refused: as before
       const edited = film.present; // perhaps meanwhile
-      keepKeys(sent.scene, has.scene);
+      keepFilm(sent, has);
       const present = { takes: edited.takes === sent.takes ? has.takes : edited.takes, scene: edited.scene === sent.scene ? has.scene : edited.scene };
-      const moved = present.takes.some(({ file }, i) => file !== edited.takes[i]?.file);
-      return { server: server && { ...server, film: { ...server.film, ...has } }, film: settle(film, present), clip: moved ? null : clip };
+      return { server: server && { ...server, film: { ...server.film, ...has } }, film: settle(film, present) };
     });
   }
   sending = false;

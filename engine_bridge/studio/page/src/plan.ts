@@ -13,7 +13,7 @@ function subjectOf({ server, greeting, face }: State): string {
   if (server === null || greeting?.joined !== false || face !== "film" || server.recording !== null) return "";
   const { takes, scene } = server.film;
   if (takes.every(({ mute }) => mute)) return "";
-  return JSON.stringify([takes, { ...scene, music: null, sound: null, light: null, background: null }, server.characters.map(({ name, version }) => [name, version])]);
+  return JSON.stringify([takes, { ...scene, music: null, sound: null, light: null, background: null }, server.characters.map(({ name, version, model }) => [name, version, model])]);
 }
 
 /** Ask for the plan if what it depends on has changed; of changes meanwhile, only the newest is asked for. */

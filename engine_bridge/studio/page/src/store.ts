@@ -84,8 +84,8 @@ export interface State {
   readonly plan: { readonly of: string; readonly film: FilmPlan | null } | null;
   /** What undo undoes: the last kind of edit. */
   readonly edited: "puppet" | "film";
-  /** Number of the take that is chosen in the film. */
-  readonly clip: number | null;
+  /** Key of the take that is chosen in the film. */
+  readonly clip: string | null;
   /** Second of the film from which it plays. */
   readonly playhead: number;
   /** When the timeline was received, in milliseconds of the page. */

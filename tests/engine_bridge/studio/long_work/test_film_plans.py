@@ -1,11 +1,14 @@
 """Plans of films for the page: at each frame, what the film itself shows."""
 
+import os
+
 import numpy as np
 import pytest
 
 from engine_bridge.film import scene as scenes
 from engine_bridge.film.framing import Shots
 from engine_bridge.film.production import produce
+from engine_bridge.puppet import puppet_file
 from engine_bridge.studio.long_work import film_plans
 
 from ...film.conftest import quiet, write_scene  # noqa: F401 - a fixture
@@ -101,6 +104,15 @@ def test_other_words_move_nobody_and_need_no_new_takes(planned, monkeypatch):
     after, _ = planned("Hello!")
     assert before.bubbles != after.bubbles
     assert [each.places for each in before.moments] == [each.places for each in after.moments]
+
+
+def test_a_mesh_that_was_replaced_is_measured_again(planned, limbed_puppet, monkeypatch):
+    planned()
+    monkeypatch.setattr(film_plans, "produce", None)
+    mesh = limbed_puppet.parent / puppet_file.load(limbed_puppet).character.mesh
+    os.utime(mesh, ns=(0, mesh.stat().st_mtime_ns + 1))
+    with pytest.raises(TypeError, match="'NoneType' object is not callable"):
+        planned()
 
 
 def test_a_long_film_has_every_nth_frame(planned, monkeypatch):

@@ -1,9 +1,12 @@
 import io
 import json
 import socket
+from pathlib import Path
 
 import pytest
-from PIL import Image
+from PIL import Image, ImageFont
+
+from engine_bridge.film.typeface import FILES, typeface
 
 
 def test_the_page_and_its_files_are_sent_with_their_headers(studio):
@@ -16,6 +19,16 @@ def test_the_page_and_its_files_are_sent_with_their_headers(studio):
         assert headers["X-Content-Type-Options"] == "nosniff"
         assert headers["Cache-Control"] == "no-store"
         assert "Access-Control-Allow-Origin" not in headers
+
+
+def test_the_page_gets_the_typefaces_in_which_the_film_is_written(studio):
+    for name, (_, file) in FILES.items():
+        status, _, body = studio.http("GET", f"/typefaces/{name}")
+        assert (status, ImageFont.truetype(io.BytesIO(body)).getname()) == (
+            200,
+            typeface(name, "a", 9, "", Path()).getname(),
+        )
+    assert studio.http("GET", "/typefaces/comic")[0] == 404
 
 
 @pytest.mark.parametrize("path", ["/", "/api", "/stream", "/uploads?name=a", "/files/x", "/nowhere"])

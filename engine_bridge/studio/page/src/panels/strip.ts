@@ -4,7 +4,8 @@ import { record, show } from "../actions";
 import { type Child, type Node_, h } from "../dom";
 import { editTakes, makeFilm, pictureOf, play, recordedSeconds, recordingAt, seek, stopPlaying, switchMicrophone } from "../film";
 import type { FilmTake, ServerState } from "../messages";
-import { beginOf, endOf, move, mute, nameOf, remove, secondsOf, trimStart, trimStop } from "../model/film";
+import { beginOf, endOf, move, mute, nameOf, remove, secondsOf, takeOf, trimStart, trimStop } from "../model/film";
+import { keyOf } from "../model/rows";
 import { titleOf } from "../model/scene";
 import { type State, current, isJoined, update } from "../store";
 import { strings } from "../strings";
@@ -20,6 +21,7 @@ export function strip(state: State): Node_ {
   const { takes } = film.present;
   const joined = isJoined(state);
   const busy = server?.recording != null || state.count !== null;
+  const paused = server?.timeline == null || server.timeline.paused;
   return h(
     "section",
     { class: "strip", "aria-label": words.title, key: "strip" },
@@ -31,13 +33,13 @@ export function strip(state: State): Node_ {
         button(words.microphone, () => {
           void switchMicrophone();
         }, { pressed: server?.microphone === true, disabled: busy, hint: words.microphoneHint, name: "microphone" }),
-        button(server?.timeline == null || server.timeline.paused ? words.play : words.pause, () => {
+        button(paused ? words.play : words.pause, () => {
           void play();
-        }, { disabled: takes.length === 0 || busy, hint: words.playHint, name: "play" }),
+        }, { disabled: takes.length === 0 || busy, hint: words.playHint, name: paused ? "play" : "pause" }),
         server?.timeline != null && server.recording === null && button(words.stop, () => {
           void stopPlaying();
         }, { quiet: true, key: "stop-playing" }),
-        clip !== null && takes[clip] !== undefined && chosen(takes, clip),
+        chosen(takes, takeOf(takes, clip)),
         h("span", { class: "space" }),
         h("span", { class: "time", raw: true }),
         button(words.make, () => {
@@ -64,14 +66,15 @@ function recordButton({ server, connected, character, count }: State): Node_ {
   }, { danger: true, disabled: !open || nobody, key: "record", hint: words.recordHint, name: "record" });
 }
 
-function chosen(takes: readonly FilmTake[], clip: number): Child {
+function chosen(takes: readonly FilmTake[], take: FilmTake | undefined): Child {
   const { film: words } = strings;
+  if (take === undefined) return null;
   return [
-    button(takes[clip]?.mute === true ? words.unmute : words.mute, () => {
-      editTakes(mute(takes, clip));
+    button(take.mute ? words.unmute : words.mute, () => {
+      editTakes(mute(takes, keyOf(take)));
     }, { key: "mute" }),
     button(words.remove, () => {
-      editTakes(remove(takes, clip), { clip: null });
+      editTakes(remove(takes, keyOf(take)), { clip: null });
     }, { key: "remove" }),
   ];
 }
@@ -106,7 +109,7 @@ function lanes(state: State, server: ServerState): Node_ {
               if (event.target === event.currentTarget) void seek(((event.clientX - box.left) / box.width) * widthOf(current()));
             },
           },
-          takes.map((take, i) => take.character === name && clip(state, server, take, i, named(name))),
+          takes.map((take) => take.character === name && clip(state, server, take, named(name))),
           server.recording !== null && name === state.character && h("div", { class: "clip growing", raw: true, key: "growing" }),
           !takes.some((take) => take.character === name) && !(server.recording !== null && name === state.character) &&
             h("p", { class: "small without", key: "without" }, words.without(named(name))),
@@ -117,8 +120,9 @@ function lanes(state: State, server: ServerState): Node_ {
   );
 }
 
-function clip(state: State, server: ServerState, take: FilmTake, index: number, character: string): Node_ {
+function clip(state: State, server: ServerState, take: FilmTake, character: string): Node_ {
   const { film: words } = strings;
+  const key = keyOf(take);
   const recorded = server.takes.find(({ name }) => name === nameOf(take));
   const width = widthOf(state);
   const percent = (seconds: number): string => `${(100 * seconds) / width}%`;
@@ -128,33 +132,31 @@ function clip(state: State, server: ServerState, take: FilmTake, index: number, 
   const title = words.take(nameOf(take), secondsOf(take));
   return h(
     "div",
-    { class: `clip ${take.mute ? "mute" : ""}`, style: `left: ${percent(beginOf(take))}; width: ${percent(secondsOf(take))}`, key: `clip${index}` },
+    { class: `clip ${take.mute ? "mute" : ""}`, style: `left: ${percent(beginOf(take))}; width: ${percent(secondsOf(take))}`, key },
     wave !== "" && h("span", { class: "wave", style: waveStyle(wave, take, whole), key: "wave" }),
     h(
       "button",
       {
         type: "button",
         class: "clip-button",
-        "aria-pressed": String(state.clip === index),
+        "aria-pressed": String(state.clip === key),
         "aria-label": words.clip(title, character, beginOf(take), take.mute),
         title,
         onclick: () => {
-          update({ clip: index });
+          update({ clip: key });
         },
         onkeydown: (event: KeyboardEvent) => {
-          takeKeys(event, index);
+          takeKeys(event, key);
         },
-        onpointerdown: drag((by, character) => move(take_(), index, by, character)),
+        onpointerdown: drag(key, (takes, by, character) => move(takes, key, by, character)),
       },
       picture !== "" && h("span", { class: "moving", style: `background-image: url(${picture})`, key: "picture" }),
       h("span", { class: "name" }, title),
     ),
-    h("span", { class: "edge start", title: words.trim, onpointerdown: drag((by) => trimStart(take_(), index, by)) }),
-    h("span", { class: "edge end", title: words.trim, onpointerdown: drag((by) => trimStop(take_(), index, by, whole)) }),
+    h("span", { class: "edge start", title: words.trim, onpointerdown: drag(key, (takes, by) => trimStart(takes, key, by)) }),
+    h("span", { class: "edge end", title: words.trim, onpointerdown: drag(key, (takes, by) => trimStop(takes, key, by, whole)) }),
   );
 }
-
-const take_ = (): readonly FilmTake[] => current().film.present.takes;
 
 /** The part of the wave form that is heard. */
 function waveStyle(url: string, { start }: FilmTake, whole: number): string {
@@ -163,17 +165,18 @@ function waveStyle(url: string, { start }: FilmTake, whole: number): string {
 }
 
 /** Move a take or its edge with the arrow keys by a tenth of a second, and delete it. */
-export function takeKeys(event: KeyboardEvent, index: number): void {
+export function takeKeys(event: KeyboardEvent, key: string): void {
+  const { takes } = current().film.present;
   const by = event.key === "ArrowRight" ? 0.1 : event.key === "ArrowLeft" ? -0.1 : 0;
-  if (by !== 0) editTakes(move(take_(), index, by));
-  else if (event.key === "Delete" || event.key === "Backspace") editTakes(remove(take_(), index), { clip: null });
+  if (by !== 0) editTakes(move(takes, key, by));
+  else if (event.key === "Delete" || event.key === "Backspace") editTakes(remove(takes, key), { clip: null });
   else return;
   event.preventDefault();
   event.stopPropagation();
 }
 
-/** Drag with a pointer: `edit` returns the takes after a drag by some seconds over a character's track. */
-function drag(edit: (by: number, character?: string) => readonly FilmTake[]): (event: PointerEvent) => void {
+/** Drag a take or its edge with a pointer: `edit` returns the takes after a drag by some seconds over a character's track. */
+function drag(key: string, edit: (takes: readonly FilmTake[], by: number, character?: string) => readonly FilmTake[]): (event: PointerEvent) => void {
   return (down) => {
     const target = down.currentTarget as HTMLElement;
     const track = target.closest(".track");
@@ -186,8 +189,8 @@ function drag(edit: (by: number, character?: string) => readonly FilmTake[]): (e
       const by = event.clientX - down.clientX;
       if (takes === null && Math.abs(by) < 4 && Math.abs(event.clientY - down.clientY) < 8) return;
       const over = document.elementsFromPoint(event.clientX, event.clientY).find((each) => each.matches(".track"));
-      takes = edit(by * scale, over?.getAttribute("data-character") ?? undefined);
-      if (clipElement !== null) preview(clipElement, takes, event.clientY - down.clientY);
+      takes = edit(current().film.present.takes, by * scale, over?.getAttribute("data-character") ?? undefined);
+      if (clipElement !== null) preview(clipElement, takeOf(takes, key), event.clientY - down.clientY);
     };
     target.onpointerup = target.onpointercancel = (event) => {
       target.onpointermove = target.onpointerup = target.onpointercancel = null;
@@ -199,12 +202,9 @@ function drag(edit: (by: number, character?: string) => readonly FilmTake[]): (e
 }
 
 /** Show a dragged take where it would be. */
-function preview(element: HTMLElement, takes: readonly FilmTake[], down: number): void {
-  const index = [...element.parentElement?.children ?? []].indexOf(element);
-  const own = element.parentElement?.getAttribute("data-character");
-  const before = take_().map((take, i) => [take, i] as const).filter(([take]) => take.character === own)[index]?.[1];
-  const take = before === undefined ? undefined : takes[before];
+function preview(element: HTMLElement, take: FilmTake | undefined, down: number): void {
   if (take === undefined) return;
+  const own = element.parentElement?.getAttribute("data-character");
   const width = widthOf(current());
   element.style.left = `${(100 * beginOf(take)) / width}%`;
   element.style.width = `${(100 * secondsOf(take)) / width}%`;

@@ -113,9 +113,11 @@ test("a take of the film is moved, muted and deleted by keys and buttons, and ea
   const clips = () => page.every("button", "clip-button");
   await clips()[1]?.press("ArrowLeft");
   both([0, false], [3.9, false]);
+  const keys = page.every("div", "clip").map((each) => each.is("key"));
   await clips()[0]?.click();
   await page.button("Mute").click();
   both([0, true], [3.9, false]);
+  assert.deepEqual(page.every("div", "clip").map((each) => each.is("key")), keys);
   assert.ok(String(clips()[0]?.is("aria-label")).includes("muted"));
   await clips()[1]?.press("Delete");
   both([0, true]);
@@ -201,6 +203,7 @@ test("the film plays from the playhead on, pauses, jumps, and stops", async () =
   await page.button("Play").click();
   assert.deepEqual(page.server.asked("play_film"), [{ at: 0 }]);
   page.server.change({ timeline: TIMELINE });
+  assert.equal(page.button("Pause").is("class"), "pause");
   await pass(1500);
   assert.equal(position(page.state), 4);
   await pass(15_000);

@@ -9,7 +9,8 @@ makes the film, watches it and saves it. The performer is drawn, and speaks by t
 Seconds of the person are counted, not measured: 2 s for a click, with finding and pointing, and 0.3 s for a key.
 Performing and watching take as long as they last. Everything that the person waits for is the machine's: each wait is
 measured from the end of an action until the page shows its result and can be clicked again; the 3 s before each take
-are among them. Chromium draws without a graphics card. On a busy machine, the processor time of Puppetline's own processes says more.
+are among them. Chromium draws without a graphics card. On a busy machine, the processor time of Puppetline's own
+processes says more.
 """
 
 import argparse
@@ -104,7 +105,7 @@ class Person:
 
 @dataclass(frozen=True)
 class Step:
-    """What one step took: clicks, seconds of the person and the machine, and processor time of Puppetline's programs."""
+    """What one step took: clicks, seconds of person and machine, and the processor time of Puppetline's processes."""
 
     title: str
     clicks: int

@@ -81,11 +81,11 @@ class Person:
         self.page.wait_for_timeout(1000 * seconds)
 
     def click(self, what: Any) -> None:
-        """Click something as soon as the page lets itself be clicked."""
+        """Click something as soon as it can be clicked, also while it moves."""
         self.clicks += 1
         self.seconds += CLICK
         with self.waiting():
-            what.click(timeout=1000 * WAITING_SECONDS)
+            what.and_(self.page.locator(":enabled")).click(timeout=1000 * WAITING_SECONDS, force=True)
 
     def choose_files(self, button: Any, files: Sequence[Path]) -> None:
         """Click a button that opens a dialog for files, click each file in it, and then its button."""

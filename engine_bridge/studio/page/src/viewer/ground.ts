@@ -44,7 +44,7 @@ export class Ground {
       if (name !== chosen || boxes.size < 2) continue;
       this.ring.visible = true;
       this.ring.position.set(x, 2 * LIFT * wide, z);
-      this.ring.scale.setScalar(1.1 * Math.max(wide, deep));
+      this.ring.scale.set(1.15 * wide, 1.15 * deep, 1);
     }
   }
 }

@@ -9,7 +9,7 @@ from typing import IO, Any
 
 import numba
 from numba.core import event
-from numba.core.caching import FunctionCache
+from numba.core.caching import FunctionCache, IndexDataCacheFile
 
 from puppetline.compiling import when_begun
 
@@ -60,6 +60,22 @@ def is_compiled(function: Any) -> bool:
     return bool(function._cache._cache_file._load_index())
 
 
+class _CacheFiles(IndexDataCacheFile):  # type: ignore[misc]
+    """The files of a function's code. Those that a power cut has left empty or incomplete count as missing."""
+
+    def load(self, key: Any) -> Any:
+        try:
+            return super().load(key)
+        except Exception:  # damaged data can raise any error
+            return None
+
+    def _load_index(self) -> Any:
+        try:
+            return super()._load_index()
+        except Exception:
+            return {}
+
+
 class _SharedCache(FunctionCache):  # type: ignore[misc]
     """The compiled code of a function on disk, which no two processes compile at the same time.
 
@@ -69,6 +85,9 @@ class _SharedCache(FunctionCache):  # type: ignore[misc]
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
+        self._cache_file = _CacheFiles(
+            self.cache_path, self._impl.filename_base, self._impl.locator.get_source_stamp()
+        )
         self._path = Path(self.cache_path) / f"{self._impl.filename_base}.lock"
         self._lock: IO[bytes] | None = None
 

@@ -138,6 +138,8 @@ def check_new(path: Path, fix: str, expected: str = "a new name") -> None:
 def written_whole(path: Path) -> Iterator[Path]:
     """Yield a name in the folder of `path` to write to; rename it to `path` if the block succeeds.
 
+    The data are on the disk before they have the name, so that a power cut leaves no empty file.
+
     Raises
     ------
     OutputError
@@ -147,6 +149,8 @@ def written_whole(path: Path) -> Iterator[Path]:
     with output_errors(path):
         try:
             yield beside
+            with beside.open("rb+") as written:  # Windows synchronises what is open for writing
+                os.fsync(written.fileno())
             beside.replace(path)
         finally:
             beside.unlink(missing_ok=True)

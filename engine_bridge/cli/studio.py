@@ -55,14 +55,12 @@ def studio(
     """
     import asyncio
 
-    import platformdirs
-
     from capture.sound_input import is_sound_file, open_sound
     from engine_bridge.cli.compile_ahead import second_process
     from engine_bridge.inspection.files import KIND_NAMES, kind_of
     from engine_bridge.service.monitoring import logs
     from engine_bridge.service.security.credentials import read_token
-    from engine_bridge.studio.server import StudioSettings, run
+    from engine_bridge.studio.server import StudioSettings, run, studio_folder
 
     if service is not None and any(each is not None for each in (file, folder, sound)):
         raise click.UsageError(
@@ -81,7 +79,7 @@ def studio(
         open_sound(sound, Path()).close()  # refuses a missing one now
     logs.setup("text", "warning")
     settings = StudioSettings(
-        folder=folder or platformdirs.user_data_path("puppetline") / "studio",
+        folder=folder or studio_folder(),
         host=host,
         port=port,
         origins=origins,

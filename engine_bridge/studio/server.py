@@ -88,6 +88,11 @@ class StudioSettings:
         return platformdirs.user_state_path("puppetline") / f"{name}-{self.port}" if self.port else None
 
 
+def studio_folder() -> Path:
+    """Return the folder of this user's workspace."""
+    return platformdirs.user_data_path("puppetline") / "studio"
+
+
 @dataclass(frozen=True)
 class Served:
     """A studio that is served.

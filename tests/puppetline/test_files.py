@@ -31,6 +31,14 @@ def test_a_result_replaces_the_old_file_only_when_the_block_has_ended(tmp_path):
     assert (path.read_text(), names(tmp_path)) == ("new", ["out.glb"])
 
 
+def test_the_data_of_a_result_are_on_the_disk_before_it_has_its_name(tmp_path, monkeypatch):
+    path, synced = tmp_path / "out.glb", []
+    monkeypatch.setattr(os, "fsync", lambda file: synced.append((os.fstat(file).st_size, path.exists())))
+    with written_whole(path) as beside:
+        beside.write_bytes(b"12345")
+    assert (synced, path.read_bytes()) == ([(5, False)], b"12345")
+
+
 @pytest.mark.parametrize("fault", [RuntimeError, KeyboardInterrupt, SystemExit])
 def test_an_exception_in_the_block_leaves_only_the_old_file(tmp_path, fault):
     path = tmp_path / "out.glb"

@@ -10,6 +10,7 @@ import pytest
 from engine_bridge.performance.rig import cache_folder
 from engine_bridge.service.monitoring.systemd import Notifier
 from engine_bridge.service.stages.calibration_store import state_file
+from engine_bridge.studio.server import studio_folder
 
 UNIT = Path(__file__).parents[4] / "packaging" / "systemd" / "puppetline.service"
 
@@ -118,10 +119,12 @@ def test_files_kept_between_runs_are_in_folders_that_the_unit_may_write_to(tmp_p
     settings = [line.partition("=") for line in UNIT.read_text().splitlines() if line and line[0] != "#"]
     environment = dict(pair.split("=") for key, _, value in settings if key == "Environment" for pair in value.split())
     owned = {key: value for key, _, value in settings if key in ("CacheDirectory", "StateDirectory")}
+    monkeypatch.delenv("HOME", raising=False)  # a dynamic user has none
     for name, value in environment.items():
         monkeypatch.setenv(name, value)
     assert str(cache_folder()) == f"/var/cache/{owned['CacheDirectory']}/models"
     assert str(state_file()) == f"/var/lib/{owned['StateDirectory']}/performers.json"
+    assert str(studio_folder()) == f"/var/lib/{owned['StateDirectory']}/studio"
     assert environment["NUMBA_CACHE_DIR"].startswith(f"/var/cache/{owned['CacheDirectory']}/")
 
 

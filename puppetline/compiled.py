@@ -85,9 +85,7 @@ class _SharedCache(FunctionCache):  # type: ignore[misc]
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
-        self._cache_file = _CacheFiles(
-            self.cache_path, self._impl.filename_base, self._impl.locator.get_source_stamp()
-        )
+        self._cache_file = _CacheFiles(self.cache_path, self._impl.filename_base, self._impl.locator.get_source_stamp())
         self._path = Path(self.cache_path) / f"{self._impl.filename_base}.lock"
         self._lock: IO[bytes] | None = None
 

@@ -130,7 +130,7 @@ OUTSIDE = {
     "godot": Outside("Godot 4.3 or newer", "put `godot` on PATH, or set GODOT to its path", _godot),
     "mono": Outside("Mono and its compiler", "Debian: mono-mcs mono-runtime", _mono),
     "node": Outside("node and tests/peers/node_modules", "make peers", _node),
-    "opengl": Outside("OpenGL", "Debian: libegl1 libgl1-mesa-dri", _opengl),
+    "opengl": Outside("OpenGL", "Debian: libegl1 libgl1 libgl1-mesa-dri", _opengl),
     "openni": Outside("OpenNI2", "Debian: g++ libopenni2-0 libopenni2-dev", _openni),
     "realsense": Outside("librealsense", "Debian: libusb-1.0-0", _realsense),
     "vulkan": Outside("Godot with Vulkan on the processor", "Debian: mesa-vulkan-drivers", _vulkan),

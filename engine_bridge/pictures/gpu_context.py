@@ -15,7 +15,8 @@ SOFTWARE = "llvmpipe", "softpipe"
 """Beginnings of the names of devices that are programs: Mesa's."""
 
 INSTALL = (
-    "Install it: pip install 'puppetline[film]'. On Debian without a display, also: apt install libegl1 libgl1-mesa-dri"
+    "Install it: pip install 'puppetline[film]'. "
+    "On Debian without a display, also: apt install libegl1 libgl1 libgl1-mesa-dri"
 )
 
 
@@ -37,5 +38,5 @@ def make_context() -> "moderngl.Context":
         "film",
         found=f"no graphics library with OpenGL 3.3 ({'; '.join(dict.fromkeys(reasons))})",
         expected="a graphics card's driver, or Mesa",
-        fix="On Debian: apt install libegl1 libgl1-mesa-dri",
+        fix="On Debian: apt install libegl1 libgl1 libgl1-mesa-dri",
     )

@@ -12,6 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ...conftest import ROOT, missing
+
 TIMEOUT_SECONDS = 240.0
 """Time after which a test fails, in seconds; the first start of a service compiles."""
 
@@ -42,6 +44,20 @@ FEWER_IMAGES = """{
 
 REMEMBER = 'localStorage.getItem("puppetline.face") ?? localStorage.setItem("puppetline.face", "{face}");'
 """JavaScript: the page opens with a face, until another one is chosen."""
+
+AXE = ROOT / "engine_bridge" / "studio" / "page" / "node_modules" / "axe-core" / "axe.min.js"
+
+RULES = ("wcag2a", "wcag2aa", "wcag21aa", "wcag22aa")
+
+CHECK = """async (rules) => {
+  const [draw, held] = [requestAnimationFrame, []];
+  window.requestAnimationFrame = (work) => held.push(work); // drawing leaves the processor to axe
+  const { violations } = await axe.run({ preload: false, resultTypes: ["violations"], runOnly: rules });
+  window.requestAnimationFrame = draw;
+  held.forEach(draw);
+  return violations;
+}"""
+"""JavaScript: what axe finds."""
 
 COUNT_CLICKS = "window.clicks = 0; addEventListener('pointerdown', () => window.clicks++, true);"
 
@@ -219,3 +235,14 @@ def running(folder, *arguments):
     finally:
         studio.close()
         sys.stdout.writelines(studio.lines)  # pytest shows it if a test fails
+
+
+def violations(page, rules=RULES):
+    """Return what axe finds on a page that is serious: the names of rules, and where they are broken."""
+    if not AXE.is_file():
+        missing("browser", "axe-core is not installed (make lint)")
+    if not page.evaluate("'axe' in window"):
+        page.evaluate(AXE.read_text(encoding="utf-8") + "; null")
+    found = page.evaluate(CHECK, list(rules))
+    serious = [each for each in found if each["impact"] in ("serious", "critical")]
+    return [(each["id"], [node["target"] for node in each["nodes"]]) for each in serious]

@@ -9,24 +9,9 @@ from puppetline.examples.performances import PERFORMANCES
 
 from engine_bridge.character.examples import prepare
 
-from ...conftest import ROOT, missing
-from .page_driver import TIMEOUT_SECONDS, Window, running
+from .page_driver import RULES, TIMEOUT_SECONDS, Window, running, violations
 
 pytestmark = pytest.mark.slow
-
-AXE = ROOT / "engine_bridge" / "studio" / "page" / "node_modules" / "axe-core" / "axe.min.js"
-
-VIOLATIONS = """async (rules) => {
-  const [draw, held] = [requestAnimationFrame, []];
-  window.requestAnimationFrame = (work) => held.push(work); // drawing leaves the processor to axe
-  const { violations } = await axe.run({ preload: false, resultTypes: ["violations"], runOnly: rules });
-  window.requestAnimationFrame = draw;
-  held.forEach(draw);
-  return violations;
-}"""
-"""JavaScript: what axe finds."""
-
-RULES = ["wcag2a", "wcag2aa", "wcag21aa", "wcag22aa"]
 
 MAX_CLICKS = 6
 """Maximum number of clicks from the empty page to the first motion of an own mesh."""
@@ -196,19 +181,14 @@ def test_a_service_that_is_killed_starts_again_and_nothing_is_lost(studio, windo
 
 
 def test_axe_finds_no_serious_violation(studio, browser, window):
-    if not AXE.is_file():
-        missing("browser", "axe-core is not installed (make lint)")
     other = studio.open(browser)
     other.until("studio.viewer.has(state.character) && state.puppets[state.character]")
-    other.page.evaluate(AXE.read_text(encoding="utf-8") + "; null")
     checked = {}
 
     def check(state):
         for scheme, rules in (("light", RULES), ("dark", ["color-contrast"])):
             other.page.emulate_media(color_scheme=scheme)
-            violations = other.page.evaluate(VIOLATIONS, rules)
-            serious = [each for each in violations if each["impact"] in ("serious", "critical")]
-            checked[state, scheme] = [(each["id"], [node["target"] for node in each["nodes"]]) for each in serious]
+            checked[state, scheme] = violations(other.page, rules)
 
     other.button("Film").click()
     for tab in ("Scene", "Character"):

@@ -22,7 +22,7 @@ from engine_bridge.service.kiosk.clip import Clip, visitors_folder
 
 from ...conftest import ROOT
 from ..service.conftest import free_port
-from .page_driver import FEWER_IMAGES, TIMEOUT_SECONDS, Command
+from .page_driver import FEWER_IMAGES, TIMEOUT_SECONDS, Command, violations
 
 __all__ = ["free_port"]
 
@@ -50,6 +50,10 @@ new MutationObserver(() => {
   if (phase && phase !== phases.at(-1)) phases.push(phase);
 }).observe(document, { subtree: true, childList: true, attributeFilter: ["data-phase"] });"""
 """JavaScript: keep all phases of the screen in their order."""
+
+COUNT_WAKING = """window.waking = 0;
+Object.defineProperty(navigator, "wakeLock", { value: { request: async () => void window.waking++ } });"""
+"""JavaScript: count how often the page asks that the display stays on."""
 
 TURN = "['count', 'recording', 'making']"
 """JavaScript: the phases between a visitor's gesture and the film."""
@@ -161,6 +165,27 @@ def test_a_phone_opens_the_film_of_a_screen_by_its_qr_code_and_saves_it(film_scr
     with Image.open(download.value.path()) as gif:
         assert (gif.format, gif.n_frames > 5) == ("GIF", True)
     assert until(phone, "fetch(document.querySelector('video').poster).then(reply => reply.status)") == 200
+    assert (violations(screen), violations(phone)) == ([], [])
+    phone.goto(f"{address[:-6]}QQQQQQ")  # no film has this code
+    assert violations(phone) == []
+
+
+def test_a_screen_whose_drawing_surface_is_lost_draws_again_and_keeps_the_display_on(visited_screen, opened):
+    screen = opened(visited_screen, 320, 180, COUNT_WAKING)
+    drawn = "window.screenShows?.characters.complete && screenShows.characters.images > 2"
+    until(screen, drawn)
+    assert screen.evaluate("waking") == 1
+    screen.evaluate("document.dispatchEvent(new Event('visibilitychange'))")
+    assert screen.evaluate("waking") == 2
+    surface = "document.querySelector('canvas').getContext('webgl2')"
+    screen.evaluate(f"window.surface = {surface}.getExtension('WEBGL_lose_context'); surface.loseContext()")
+    until(screen, f"{surface}.isContextLost()")
+    screen.evaluate("surface.restoreContext()")
+    until(screen, f"!{surface}.isContextLost()")
+    assert screen.evaluate("waking") == 2  # the same page
+    with screen.expect_navigation(timeout=1000 * TIMEOUT_SECONDS):
+        screen.evaluate("surface.loseContext()")
+    until(screen, f"{drawn} && !{surface}.isContextLost()")
 
 
 def test_the_source_for_obs_draws_the_character_on_a_transparent_ground(visited_screen, opened):

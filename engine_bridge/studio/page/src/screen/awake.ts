@@ -1,11 +1,32 @@
-/** Keeps the display on: a browser lets it sleep again whenever the page was hidden. */
+/** What lets a screen go on by itself, after its display slept, its network was away, or its graphics card has failed. */
 
-/** Ask now, and whenever the page is seen again. Without HTTPS, other machines than this one cannot ask. */
-export function keepAwake(): void {
-  const ask = (): void => {
-    if (document.visibilityState !== "visible" || !("wakeLock" in navigator)) return;
-    navigator.wakeLock.request("screen").catch(() => undefined); // for example an empty battery
+/** Time that the browser has to give a lost drawing surface back, in milliseconds; then the page is loaded again. */
+export const LOST_MS = 3000;
+
+/**
+ * Keep the display on, and reconnect as soon as the page is seen again. The browser lets the display sleep whenever the
+ * page was hidden. Without HTTPS, it is this machine's browser only that can keep it on.
+ */
+export function keepAwake(reconnect: () => void): void {
+  const seen = (): void => {
+    if (document.visibilityState !== "visible") return;
+    reconnect();
+    if ("wakeLock" in navigator) navigator.wakeLock.request("screen").catch(() => undefined); // for example an empty battery
   };
-  document.addEventListener("visibilitychange", ask);
-  ask();
+  document.addEventListener("visibilitychange", seen);
+  window.addEventListener("online", reconnect);
+  seen();
+}
+
+/** Load the page again if its drawing surface is lost and not given back. */
+export function reloadIfLost(canvas: HTMLCanvasElement): void {
+  let timer: ReturnType<typeof setTimeout> | undefined;
+  canvas.addEventListener("webglcontextlost", () => {
+    timer = setTimeout(() => {
+      location.reload();
+    }, LOST_MS);
+  });
+  canvas.addEventListener("webglcontextrestored", () => {
+    clearTimeout(timer);
+  });
 }

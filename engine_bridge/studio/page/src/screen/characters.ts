@@ -5,6 +5,7 @@ import { Box3, Vector3 } from "three";
 import type { Client } from "../../../../../integrations/web/puppetline.js";
 import { Figure } from "../viewer/figure";
 import { Stage } from "../viewer/stage";
+import { LOST_MS, reloadIfLost } from "./awake";
 import { fetched } from "./key";
 
 /** Share of the picture's height that the tallest character fills, and of its width that all of them fill. */
@@ -22,8 +23,10 @@ export class Characters {
   private readonly target = new Vector3();
   private size = new Vector3(1, 1, 1);
   private last = performance.now();
-  /** Images drawn so far, and whether a character has been drawn. */
+  /** Images drawn so far. */
   images = 0;
+  /** Whether the machine makes a film, so that fewer images are drawn without a graphics card. */
+  working = false;
 
   constructor(
     parent: HTMLElement,
@@ -34,7 +37,8 @@ export class Characters {
   ) {
     const canvas = document.createElement("canvas");
     parent.append(canvas);
-    this.stage = new Stage(parent, canvas, undefined, true);
+    this.stage = stageOn(parent, canvas);
+    reloadIfLost(canvas);
     new ResizeObserver(() => {
       this.stage.resize();
       this.frame();
@@ -131,7 +135,19 @@ export class Characters {
     this.frame();
     this.stage.render();
     this.images++;
-    if (this.paced) this.stage.keepPace(false);
+    if (this.paced) this.stage.keepPace(this.working);
+  }
+}
+
+/** The 3D scene; where the browser has no 3D now, as after its process for graphics has failed, load the page again. */
+function stageOn(parent: HTMLElement, canvas: HTMLCanvasElement): Stage {
+  try {
+    return new Stage(parent, canvas, undefined, true);
+  } catch (error) {
+    setTimeout(() => {
+      location.reload();
+    }, LOST_MS);
+    throw error;
   }
 }
 

@@ -10,9 +10,10 @@ export function screenKey(): string {
   return given ?? remembered(KEPT) ?? "";
 }
 
-/** Fetch with the key; fails unless the server accepts it. */
-export async function fetched(path: string, key: string): Promise<Response> {
-  const reply = await fetch(path, { headers: { authorization: `Bearer ${key}` } });
+/** Fetch with the key; fails unless the server accepts it, and after a time in milliseconds. */
+export async function fetched(path: string, key: string, longest?: number): Promise<Response> {
+  const signal = longest === undefined ? null : AbortSignal.timeout(longest);
+  const reply = await fetch(path, { headers: { authorization: `Bearer ${key}` }, signal });
   if (!reply.ok) throw new Error(`${path}: ${reply.status}`);
   return reply;
 }

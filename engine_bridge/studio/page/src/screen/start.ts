@@ -4,6 +4,7 @@ import { Client } from "../../../../../integrations/web/puppetline.js";
 import { address } from "../connection";
 import { draw } from "../dom";
 import type { ScreenSettings, ServiceReport } from "../messages";
+import { keepAwake } from "./awake";
 import { Characters } from "./characters";
 import { fetched, screenKey } from "./key";
 import { kiosk } from "./kiosk";
@@ -12,6 +13,9 @@ import { type Seen, newest, noticed, phaseOf } from "./phase";
 /** Interval at which the settings are fetched and the words are drawn, in milliseconds. */
 const SETTINGS_MS = 2000;
 const WORDS_MS = 250;
+
+/** Time after which a request for the settings is given up, so that they do not pile up without a network, in milliseconds. */
+const REQUEST_MS = 5000;
 
 const query = new URLSearchParams(location.search);
 const isKiosk = location.pathname === "/kiosk";
@@ -43,7 +47,7 @@ client.subscribe("service/status", ({ body }) => {
 /** The server may have restarted with another page, and the network or the materials may have changed. */
 async function refresh(): Promise<void> {
   try {
-    const fresh = (await (await fetched("/screen", key)).json()) as ScreenSettings;
+    const fresh = (await (await fetched("/screen", key, REQUEST_MS)).json()) as ScreenSettings;
     if (settings !== null && settings.run !== fresh.run) location.reload();
     [settings, problem] = [fresh, ""];
     characters.dress(fresh.models);
@@ -68,13 +72,21 @@ function show(): void {
   recordedSince = phase.kind === "recording" ? (recordedSince ?? now) : null;
   const recorded = recordedSince === null ? 0 : (now - recordedSince) / 1000;
   const making = report?.clips.some(({ seconds_left }) => seconds_left === null) ?? false;
+  characters.working = making;
   draw(over, kiosk(screen, { phase, film: report === null ? null : newest(report), making, recorded, connected }));
 }
 
 /** What tests and measurements read. */
 Object.assign(window, { screenShows: { characters, report: () => report, state: () => client.state } });
 
+async function refreshAgain(): Promise<void> {
+  await refresh();
+  setTimeout(() => void refreshAgain(), SETTINGS_MS);
+}
+
 setInterval(show, WORDS_MS);
-setInterval(() => void refresh(), SETTINGS_MS);
-void refresh();
+void refreshAgain();
 show();
+keepAwake(() => {
+  client.retry();
+});

@@ -37,6 +37,9 @@ WAITING_SECONDS = 1800.0
 RECORDED_SECONDS = 20.0
 """Duration of each take, and so of the film, in seconds."""
 
+LARGE = {"width": 1920, "height": 1080}
+"""Size of a large window, for pictures."""
+
 MESHES = "pegasus", "human"
 """Examples that are brought if no meshes are given."""
 
@@ -214,6 +217,13 @@ def processor_seconds() -> float:
     return used
 
 
+def save_pictures(page: Any, folder: Path, number: int) -> None:
+    """Save pictures of the page in a small and a large window."""
+    for size in (LARGE, SIZE):
+        page.set_viewport_size(size)
+        page.screenshot(path=folder / f"{number:02}_{size['width']}.png")
+
+
 def row(step: Step) -> str:
     """Return a line of the table."""
     return f"| {step.title} | {step.clicks} | {step.person:.0f} | {step.machine:.1f} | {step.processor:.0f} |"
@@ -222,7 +232,7 @@ def row(step: Step) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("mesh", type=Path, nargs="*", help="two meshes")
-    parser.add_argument("--pictures", type=Path, metavar="FOLDER", help="save a picture of the page after each step")
+    parser.add_argument("--pictures", type=Path, metavar="FOLDER", help="save pictures of the page after each step")
     options = parser.parse_args()
     if len(options.mesh) not in (0, 2):
         parser.error("two meshes are brought")
@@ -239,7 +249,7 @@ def main() -> None:
                 steps.append(step)
                 print(row(step), flush=True)
                 if options.pictures:
-                    page.screenshot(path=options.pictures / f"{number:02}.png")
+                    save_pictures(page, options.pictures, number)
             keys = "clicks", "person", "machine", "processor"
             print(row(Step("all", *(sum(getattr(each, key) for each in steps) for key in keys))))
             print(f"Load of the machine: {', '.join(f'{load:.1f}' for load in psutil.getloadavg())}")

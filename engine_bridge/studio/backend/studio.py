@@ -204,10 +204,11 @@ class Studio(Backend):
         from engine_bridge.studio.service.available_sources import device, ports
 
         async with self._listing:  # two could not listen to the same port
-            found = [device(Finding(**each)) for each in await self._worker.run("devices")]
-            arriving = await asyncio.to_thread(ports, self._playing.uri)
+            examined, listened = self._worker.run("devices"), asyncio.to_thread(ports, self._playing.uri)
+            found, arriving = await asyncio.gather(examined, listened)
+        devices = [device(Finding(**each)) for each in found]
         listed = performers.Sources(
-            characters=list(MOTIONS), examples=list(performances()), devices=found, ports=arriving
+            characters=list(MOTIONS), examples=list(performances()), devices=devices, ports=arriving
         )
         return listed.model_dump(mode="json")
 

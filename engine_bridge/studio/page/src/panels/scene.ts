@@ -129,7 +129,7 @@ function titles({ film }: State): Node_ {
       ]),
     ),
     entry(rows.length === 0 ? words.firstTitle : words.newTitle, "", (text) => {
-      if (text !== "") change(rows.length, { text, at: rows.length === 0 ? 0 : now() });
+      if (text !== "") change(rows.length, { text, at: rows.length === 0 ? 0 : now(), place: "top" }); // above the faces
     }),
     checkbox(words.black, black, (on) => {
       editScene({ film: { ...format, fade_in: on ? 1 : 0, fade_out: on ? 1 : 0 } });

@@ -25,7 +25,7 @@ export function characters(state: State): Node_ {
         update({ adding: true });
       }, { key: "add" }),
       h("h2", {}, words.who),
-      h("p", { class: "source" }, chosenSource(state)),
+      h("p", { class: "source" }, h("span", {}, chosenSource(state))),
       live && [
         performers(server.performers, shownCharacter(state)),
         button(state.looking ? words.lookHide : words.look, () => {

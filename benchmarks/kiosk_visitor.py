@@ -77,9 +77,7 @@ def visit(browser: Any, folder: Path) -> None:
         raise SystemExit(f"the QR code says {code}, and the screen {written}")
     phone = browser.new_context(viewport={"width": 390, "height": 844}, is_mobile=True).new_page()
     phone.goto(code or f"http://{written}")
-    while not phone.evaluate(
-        "document.querySelector('video').currentTime > 0"
-    ):  # it forbids `wait_for_function`
+    while not phone.evaluate("document.querySelector('video').currentTime > 0"):  # it forbids `wait_for_function`
         phone.wait_for_timeout(50)
     read = "by its QR code" if code else "by its address"
     print(f"{time.monotonic() - began:6.1f} s  the film plays on the phone, {read}")

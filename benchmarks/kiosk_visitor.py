@@ -38,8 +38,8 @@ puppet = "{puppet}"
 
 PHASES = ("attract", "stand", "raise", "count", "recording", "making", "film")
 
-AWAY_SECONDS = 60.0
-"""Time until the next visitor, in seconds."""
+AWAY_SECONDS = 150.0
+"""Time until the next visitor, in seconds: longer than the film of the one before has the screen."""
 
 GIVE_UP_MS = 900_000
 """Time after which a phase counts as never reached, in milliseconds."""

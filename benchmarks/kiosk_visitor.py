@@ -1,6 +1,6 @@
 """Measure how long a visitor of a kiosk takes from stepping in to the film on a phone.
 
-python -m benchmarks.kiosk_visitor PUPPET [--size 1280 720]
+python -m benchmarks.kiosk_visitor PUPPET
 
 The service plays a recording of a visitor, Chromium shows the screen, and a second context of Chromium, of a phone's
 size, opens the address of the QR code. OpenCV reads it from a picture of the screen if it is installed; otherwise, the
@@ -29,7 +29,7 @@ port = {port}
 [kiosk]
 phone_port = {phones}
 phone_address = "http://127.0.0.1:{phones}"
-size = {size}
+size = [1280, 720]
 [[stage]]
 source = "replay:visitor.log?loop"
 [[stage.character]]
@@ -87,13 +87,12 @@ def main() -> None:
     """Run the measurement."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("puppet", type=Path)
-    parser.add_argument("--size", type=int, nargs=2, default=[1280, 720])
     arguments = parser.parse_args()
     ports = {"port": free_tcp_ports(), "phones": free_tcp_ports()}
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name, sync_playwright() as playwright:
         folder = Path(name)
         write_visitor(folder / "visitor.log", away=AWAY_SECONDS)
-        settings = SETTINGS.format(**ports, size=arguments.size, puppet=arguments.puppet.resolve())
+        settings = SETTINGS.format(**ports, puppet=arguments.puppet.resolve())
         (folder / "kiosk.toml").write_text(settings)
         command = [sys.executable, "-m", "puppetline", "serve", "--config", "kiosk.toml", "--studio"]
         browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=DRAWING)

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 Characters = Sequence[tuple[Sequence[Part], Sequence[Appearance]]]
 """The parts of characters, and their materials."""
 
-
 ShownPicture = tuple[NDArray[np.uint8], float, tuple[float, float, float, float]]
 """A bubble or title in a frame: its pixels (h, w, 4), opacity, and edges as shares of the frame."""
 

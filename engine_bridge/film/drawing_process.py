@@ -1,4 +1,4 @@
-"""Processes that draw frames of a film beside the one that writes it, because graphics in software wait for one core.
+"""Processes that draw frames of a film beside the one that writes it: graphics in software mostly use a single core.
 
 A process gets pickles at its standard input: what `Canvas` is made of, what `Canvas.add` takes, and then the frames. It
 writes their pixels to its standard output. It ends when the film's process does, because that closes the pipes.

@@ -1,11 +1,18 @@
 /** What lets a screen go on by itself, after its display slept, its network was away, or its graphics card has failed. */
 
 /** Time that the browser has to give a lost drawing surface back, in milliseconds; then the page is loaded again. */
-export const LOST_MS = 3000;
+const LOST_MS = 3000;
+
+/** Load the page again soon; return the timer, with which that can be prevented. */
+export function reloadSoon(): ReturnType<typeof setTimeout> {
+  return setTimeout(() => {
+    location.reload();
+  }, LOST_MS);
+}
 
 /**
  * Keep the display on, and reconnect as soon as the page is seen again. The browser lets the display sleep whenever the
- * page was hidden. Without HTTPS, it is this machine's browser only that can keep it on.
+ * page was hidden. Without HTTPS, only a browser on the machine of the service can keep it on.
  */
 export function keepAwake(reconnect: () => void): void {
   const seen = (): void => {
@@ -22,9 +29,7 @@ export function keepAwake(reconnect: () => void): void {
 export function reloadIfLost(canvas: HTMLCanvasElement): void {
   let timer: ReturnType<typeof setTimeout> | undefined;
   canvas.addEventListener("webglcontextlost", () => {
-    timer = setTimeout(() => {
-      location.reload();
-    }, LOST_MS);
+    timer = reloadSoon();
   });
   canvas.addEventListener("webglcontextrestored", () => {
     clearTimeout(timer);

@@ -5,7 +5,7 @@ import { Box3, Vector3 } from "three";
 import type { Client } from "../../../../../integrations/web/puppetline.js";
 import { Figure } from "../viewer/figure";
 import { Stage } from "../viewer/stage";
-import { LOST_MS, reloadIfLost } from "./awake";
+import { reloadIfLost, reloadSoon } from "./awake";
 import { fetched } from "./key";
 
 /** Share of the picture's height that the tallest character fills, and of its width that all of them fill. */
@@ -144,9 +144,7 @@ function stageOn(parent: HTMLElement, canvas: HTMLCanvasElement): Stage {
   try {
     return new Stage(parent, canvas, undefined, true);
   } catch (error) {
-    setTimeout(() => {
-      location.reload();
-    }, LOST_MS);
+    reloadSoon();
     throw error;
   }
 }

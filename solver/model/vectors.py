@@ -70,6 +70,12 @@ def row_of(vectors, row):
 
 
 @compiled(inner=True)
+def write(array, v):
+    """Write a vector to an array of three numbers. An assignment to ``array[:]`` would compile more slowly."""
+    array[0], array[1], array[2] = v[0], v[1], v[2]
+
+
+@compiled(inner=True)
 def write_row(vectors, row, v):
     """Write a vector to a row of an array. An assignment to the whole row would compile more slowly."""
     vectors[row, 0], vectors[row, 1], vectors[row, 2] = v[0], v[1], v[2]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from puppetline.compiled import compiled
 from solver.model.bones import Bones
-from solver.model.vectors import cross, minus, plus, row_of, scaled
+from solver.model.vectors import cross, minus, plus, row_of, scaled, write_row
 from solver.motion import quaternions as quat
 from solver.motion.limbs import Limb
 from solver.motion.two_bones import carry_along, moved, place
@@ -111,16 +111,19 @@ def _step(plan, state, time, motions, root):
 def _follow(plan, state, k, aim, base, elapsed, began):
     """Return the rotation of a bone, which is drawn to an aim and swings against the acceleration of its base."""
     if not began:
-        state.turn[k], state.base[k, 0] = aim, base
+        quat.write_row(state.turn, k, aim)
+        write_row(state.base[k], 0, base)
         return aim
     if elapsed <= 0:
         return quat.row_of(state.turn, k)
     bone, rate, decay = plan.bones[k], plan.rates[k], math.exp(-plan.rates[k] * elapsed)
-    velocity = scaled(minus(base, state.base[k, 0]), 1 / elapsed)
-    kick = minus(state.base[k, 1], velocity)
-    state.base[k, 0], state.base[k, 1] = base, velocity
+    before = state.base[k]
+    velocity = scaled(minus(base, row_of(before, 0)), 1 / elapsed)
+    kick = minus(row_of(before, 1), velocity)
+    write_row(before, 0, base)
+    write_row(before, 1, velocity)
     turn = quat.row_of(state.turn, k)
-    way = quat.rotated(turn, minus(plan.tails[bone], plan.heads[bone]))
+    way = quat.rotated(turn, minus(row_of(plan.tails, bone), row_of(plan.heads, bone)))
     size = math.sqrt(way[0] ** 2 + way[1] ** 2 + way[2] ** 2)
     speed = plus(row_of(state.speed, k), cross(way, kick), 1 / (size * plan.lengths[k]))
     quick = math.sqrt(speed[0] ** 2 + speed[1] ** 2 + speed[2] ** 2)
@@ -128,8 +131,8 @@ def _follow(plan, state, k, aim, base, elapsed, began):
         speed = scaled(speed, MAX_SPEED / quick)
     away = quat.to_vector(quat.product(turn, quat.inverse(aim)))
     pull = plus(speed, away, rate)
-    state.speed[k] = scaled(plus(speed, pull, -rate * elapsed), decay)
+    write_row(state.speed, k, scaled(plus(speed, pull, -rate * elapsed), decay))
     left = scaled(plus(away, pull, elapsed), decay)
     turn = quat.product(quat.from_vector(left), aim)
-    state.turn[k] = turn
+    quat.write_row(state.turn, k, turn)
     return turn

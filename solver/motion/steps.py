@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from puppetline.compiled import compiled
 from solver.model.bones import Bones
-from solver.model.vectors import dot, length, minus, plus, row_of, scaled
+from solver.model.vectors import dot, length, minus, plus, row_of, scaled, write, write_row
 from solver.motion import quaternions as quat
 from solver.motion.body_on_legs import pose_body
 from solver.motion.gait import DUTY, RATE, RESTED, RESTED_SECONDS, STOPPED, WALKS, share_of_stride, update
@@ -210,7 +210,7 @@ def _step(plan, state, time, positions, confidence, motions, root):
     if not began:
         for leg in range(len(plan.feet)):
             if state.held[leg] > 0:
-                state.yaw[leg] = state.body[HEADING]
+                _face(state, leg, state.body[HEADING])
             else:
                 _stand_at_home(plan, state, leg)
     _begin_swings(plan, state)
@@ -236,7 +236,8 @@ def _move_homes(plan, state, motions, root, elapsed, began):
     up, body = row_of(plan.axes, 1), state.body
     if plan.goes_forward and began and state.gait[WALKS] > 0:
         ahead = quat.rotated(quat.about(up, body[HEADING]), row_of(plan.axes, 2))
-        state.walked[:] = plus(state.walked, ahead, FORWARD_SPEED * plan.leg_length * state.gait[RATE] * elapsed)
+        by = FORWARD_SPEED * plan.leg_length * state.gait[RATE] * elapsed
+        write(state.walked, plus(state.walked, ahead, by))
     height = dot(root, up)
     level = plus(plus(root, state.walked, 1.0), up, -height - dot(state.walked, up))
     heading = body[HEADING]
@@ -263,8 +264,8 @@ def _move_homes(plan, state, motions, root, elapsed, began):
         _turn_homes(plan, body, turned, elapsed)
     elif not began:
         body[HEADING] += turned
-    state.last[:] = level
-    state.base[:] = plus(state.base, way, moved_share)
+    write(state.last, level)
+    write(state.base, plus(state.base, way, moved_share))
     way = scaled(way, 1 - moved_share)
     size, most = length(way), MAX_SHIFT * plan.leg_length
     if size > 1e-9 * most:
@@ -272,7 +273,7 @@ def _move_homes(plan, state, motions, root, elapsed, began):
     # the trunk turns about its first bone; the body turns about its middle
     beside = minus(plan.pivot, plan.heads[plan.trunk[0]]) if len(plan.trunk) else (0.0, 0.0, 0.0)
     turned_about = minus(beside, quat.rotated(quat.about(up, body[HEADING]), beside))
-    root[:] = plus(plus(plus(state.base, way, 1.0), up, height), turned_about, 1.0)
+    write(root, plus(plus(plus(state.base, way, 1.0), up, height), turned_about, 1.0))
 
 
 @compiled(inner=True)
@@ -292,7 +293,8 @@ def _stays(state):
     """Return whether the performer stands where both feet came to rest; update where that is."""
     gait = state.gait
     if gait[RESTED] <= RESTED_SECONDS:
-        state.stand[:] = state.watch.last
+        for foot in range(2):
+            write_row(state.stand, foot, row_of(state.watch.last, foot))
         return False
     for foot in range(2):
         way = minus(row_of(state.watch.last, foot), row_of(state.stand, foot))
@@ -324,10 +326,17 @@ def _home(plan, state, leg, ahead):
 
 
 @compiled(inner=True)
+def _face(state, leg, heading):
+    """Turn a foot to a heading, from which and to which it turns."""
+    for k in range(3):
+        state.yaw[leg, k] = heading
+
+
+@compiled(inner=True)
 def _stand_at_home(plan, state, leg):
     """Put a foot down at home."""
-    state.place[leg] = _home(plan, state, leg, 0.0)
-    state.yaw[leg] = state.body[HEADING]
+    write_row(state.place, leg, _home(plan, state, leg, 0.0))
+    _face(state, leg, state.body[HEADING])
     state.swing[leg] = 0.0
 
 
@@ -368,7 +377,7 @@ def _may_step(plan, state, leg):
 def _urgency(plan, state, leg, walks):
     """Return how urgently a leg has to step, 0 if it may stand."""
     gait = state.gait
-    away = length(minus(_home(plan, state, leg, 0.0), state.place[leg])) / plan.leg_length
+    away = length(minus(_home(plan, state, leg, 0.0), row_of(state.place, leg))) / plan.leg_length
     turned = abs(state.yaw[leg, 0] - state.body[HEADING])
     if walks:
         air = 1 - gait[DUTY]
@@ -390,7 +399,7 @@ def _begin_swing(state, leg, walks):
     if walks:
         seconds = min(max((1 - state.gait[DUTY]) / state.gait[RATE], MIN_SWING_SECONDS), MAX_SWING_SECONDS)
     state.seconds[leg], state.swing[leg] = seconds, 1e-9
-    state.origin[leg] = state.place[leg]
+    write_row(state.origin, leg, row_of(state.place, leg))
     state.yaw[leg, 1] = state.yaw[leg, 0]
 
 
@@ -402,24 +411,25 @@ def _swing(plan, state, leg, elapsed):
         return
     if state.swing[leg] == 0:
         home = _home(plan, state, leg, 0.0)
-        way = minus(state.place[leg], home)
+        way = minus(row_of(state.place, leg), home)
         most = MAX_AWAY * plan.leg_length / max(length(way), 1e-9 * plan.leg_length)
         if state.body[JUMP] > MIN_JUMP * plan.leg_length:
             most = remaining(JUMP_SECONDS, elapsed)
             state.yaw[leg, 0] += (1 - most) * (state.body[HEADING] - state.yaw[leg, 0])
         if most < 1:  # in a jump, or where the leg does not reach: it drags its foot rather than tear
-            state.place[leg] = plus(home, way, most)
+            write_row(state.place, leg, plus(home, way, most))
         return
     state.swing[leg] = min(1.0, state.swing[leg] + elapsed / state.seconds[leg])
     share = state.swing[leg]
     if share <= AIM_SHARE or elapsed >= state.seconds[leg]:
         _aim(plan, state, leg, (1 - share) * state.seconds[leg])
-    way = minus(state.aim[leg], state.origin[leg])
+    way = minus(row_of(state.aim, leg), row_of(state.origin, leg))
     ahead = min(max((share - LIFTING_SHARE) / (1 - 2 * LIFTING_SHARE), 0.0), 1.0)
     done = ahead * ahead * ahead * (ahead * (6 * ahead - 15) + 10)  # minimum jerk
     arc = min(ARC_HEIGHT + ARC_SLOPE * length(way) / plan.leg_length, MAX_ARC_HEIGHT) * plan.leg_length
     rise = arc * 16 * (share * (1 - share)) ** 2
-    state.place[leg] = plus(plus(state.origin[leg], way, done), row_of(plan.axes, 1), rise)
+    now = plus(plus(row_of(state.origin, leg), way, done), row_of(plan.axes, 1), rise)
+    write_row(state.place, leg, now)
     state.yaw[leg, 0] = state.yaw[leg, 1] + done * (state.yaw[leg, 2] - state.yaw[leg, 1])
     if share == 1:
         state.swing[leg] = 0.0
@@ -434,7 +444,7 @@ def _aim(plan, state, leg, left):
     size = length(way)
     if size > MAX_AHEAD * plan.leg_length:
         way = scaled(way, MAX_AHEAD * plan.leg_length / size)
-    state.aim[leg] = plus(home, way, 1.0)
+    write_row(state.aim, leg, plus(home, way, 1.0))
     state.yaw[leg, 2] = _heading(state, left + stance / 2)
 
 
@@ -446,7 +456,7 @@ def _put_leg(plan, state, leg, motions, root, changed):
     hip = row_of(plan.hips, leg)
     if carrier >= 0:
         hip = moved(motions[carrier], hip)
-    there = plus(minus(state.place[leg], root), up, jump)
+    there = plus(minus(row_of(state.place, leg), root), up, jump)
     base = quat.about(up, (state.body[HEADING] + state.yaw[leg, 0]) / 2)
     ankle = stretch(plan.chains, leg, motions, plan.heads, base, hip, there)
     for bone in plan.chains.bones[leg]:
@@ -455,8 +465,8 @@ def _put_leg(plan, state, leg, motions, root, changed):
     foot = plan.feet[leg]
     if foot >= 0:
         hanging = FOOT_PITCH * math.sin(math.pi * min(1.0, state.swing[leg] / 0.85))
-        size = max(length(minus(plan.tails[foot], plan.heads[foot])), MIN_FOOT_LENGTH * plan.leg_length)
-        rise = max(0.0, dot(minus(state.place[leg], plan.ankles[leg]), up))
+        size = max(length(minus(row_of(plan.tails, foot), row_of(plan.heads, foot))), MIN_FOOT_LENGTH * plan.leg_length)
+        rise = max(0.0, dot(minus(row_of(state.place, leg), row_of(plan.ankles, leg)), up))
         hanging = min(hanging, math.asin(min(1.0, FOOT_CLEARANCE * rise / size)))
         turn = quat.product(quat.about(up, state.yaw[leg, 0]), quat.about(row_of(plan.axes, 0), hanging))
         place(motions[foot], turn, plan.heads[foot], ankle)

@@ -146,7 +146,7 @@ def _interpolate(vertices, samples, owner, elements, starts, of_sample):
             if square < least:
                 least = square
                 corner[0], corner[1], corner[2] = a, b, c
-                best[:] = blend
+                best[0], best[1], best[2] = blend[0], blend[1], blend[2]
         end = first[v]
         for k in range(3):
             if best[k] > 0:

@@ -14,6 +14,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
+from functools import partial, wraps
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -308,18 +309,24 @@ def made_once(of_all_workers: Path) -> Callable[[str, Callable[[Path], object]],
     return get
 
 
-@pytest.fixture(scope="session")
-def example_character(made_once: Callable[[str, Callable[[Path], object]], Path]) -> Callable[[str], Any]:
-    """Make an example character, which takes seconds, once for all workers."""
+@pytest.fixture(scope="session", autouse=True)
+def example_character(made_once: Callable[[str, Callable[[Path], object]], Path]) -> Iterator[Callable[[str], Any]]:
+    """Return an example character by its name; whatever needs one in this process gets it from here.
+
+    It is made once for all workers, since that takes seconds.
+    """
     from puppetline.examples.characters import CHARACTERS
 
+    makers = dict(CHARACTERS)
+
     def make(name: str) -> Any:
-        stored = made_once(
-            f"character_{name}", lambda folder: (folder / name).write_bytes(pickle.dumps(CHARACTERS[name]()))
-        )
+        stored = made_once(f"character_{name}", lambda folder: (folder / name).write_bytes(pickle.dumps(makers[name]())))
         return pickle.loads((stored / name).read_bytes())
 
-    return make
+    with pytest.MonkeyPatch.context() as patch:
+        for name, maker in makers.items():
+            patch.setitem(CHARACTERS, name, wraps(maker)(partial(make, name)))
+        yield make
 
 
 @pytest.fixture(scope="session")

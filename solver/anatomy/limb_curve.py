@@ -277,22 +277,21 @@ def straight_bones(
         Root mean square distance of the points from the bones.
     """
     last = len(points) - 1
-    number = np.arange(len(points), dtype=np.float64)
+    inner = np.array(places)
+    corners = np.column_stack([np.zeros(len(inner)), inner, np.full(len(inner), last)])
+    # how much of each bone is before each point, and with it the shares of the ends of the bones in each point
+    before = (np.arange(last + 1)[:, None] - corners[:, None, :-1]) / np.diff(corners)[:, None]
+    before = np.pad(np.clip(before, 0.0, 1.0), [(0, 0), (0, 0), (1, 1)], constant_values=(1.0, 0.0))
+    shares = before[..., :-1] - before[..., 1:]
+    fixed = points - shares[..., [0, -1]] @ points[[0, last]]
+    between = shares[..., 1:-1]
+    across = between.transpose(0, 2, 1)
+    found = np.linalg.solve(across @ between, across @ fixed)
+    misfit = ((between @ found - fixed) ** 2).mean(axis=1).sum(axis=1)
     length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
-    best, least, joints = np.inf, np.inf, points[[0, last]]
-    for inner in places:
-        # shares of the ends of the bones in each point
-        corners = [0, *inner, last]
-        shares = np.column_stack([np.interp(number, corners, corner) for corner in np.eye(len(corners))])
-        fixed = points - shares[:, [0, -1]] @ points[[0, last]]
-        between = shares[:, 1:-1]
-        found = np.linalg.solve(between.T @ between, between.T @ fixed)
-        misfit = float(((between @ found - fixed) ** 2).mean(axis=0).sum())
-        unusual = sum((place / last - share) ** 2 for place, share in zip(inner, usual, strict=False))
-        cost = misfit + (UNUSUAL_WEIGHT * length) ** 2 * unusual
-        if cost < least:
-            best, least, joints = misfit, cost, np.array([points[0], *found, points[last]])
-    return joints, float(np.sqrt(best))
+    unusual = ((inner[:, : len(usual)] / last - np.array(usual)) ** 2).sum(axis=1)
+    best = np.argmin(misfit + (UNUSUAL_WEIGHT * length) ** 2 * unusual)
+    return np.array([points[0], *found[best], points[last]]), float(np.sqrt(misfit[best]))
 
 
 def _low_corner(leg: LimbCurve, hip: float) -> NDArray[np.float64]:

@@ -10,9 +10,9 @@ from solver.surface.mesh import weld
 
 
 def distance_to_capsule(points, start, end, radius):
-    start, along = np.array(start), np.array(end) - np.array(start)
-    share = np.clip((points - start) @ along / (along @ along), 0, 1)
-    return np.linalg.norm(points - start - share[:, None] * along, axis=1) - radius
+    way, along = points.T - np.array(start)[:, None], np.array(end) - np.array(start)
+    x, y, z = way - np.clip(along @ way / (along @ along), 0, 1) * along[:, None]
+    return np.sqrt(x * x + y * y + z * z) - radius
 
 
 def march(capsules, low, high, step):

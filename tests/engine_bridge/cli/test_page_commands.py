@@ -6,7 +6,6 @@ import shutil
 import signal
 import wave
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import igl
@@ -14,7 +13,6 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from puppetline.examples import film
-from puppetline.examples.characters import CHARACTERS
 from puppetline.examples.performances import PERFORMANCES, clean
 
 from engine_bridge.character import examples
@@ -61,11 +59,9 @@ ADDED = {
 
 
 @pytest.fixture(scope="module")
-def short_examples(example_character):
-    """Make the example characters once, let them move for a second, and draw less."""
+def short_examples():
+    """Let the example characters move for a second, and draw less."""
     with pytest.MonkeyPatch.context() as patch:
-        for name in ("biped", "dog", "human"):
-            patch.setitem(CHARACTERS, name, partial(lambda made: made, example_character(name)))
         for name, make in list(PERFORMANCES.items()):
             whole = make()
             short = replace(

@@ -320,7 +320,9 @@ def example_character(made_once: Callable[[str, Callable[[Path], object]], Path]
     makers = dict(CHARACTERS)
 
     def make(name: str) -> Any:
-        stored = made_once(f"character_{name}", lambda folder: (folder / name).write_bytes(pickle.dumps(makers[name]())))
+        stored = made_once(
+            f"character_{name}", lambda folder: (folder / name).write_bytes(pickle.dumps(makers[name]()))
+        )
         return pickle.loads((stored / name).read_bytes())
 
     with pytest.MonkeyPatch.context() as patch:

@@ -26,15 +26,17 @@ def test_names_are_imported_when_they_are_used():
         puppetline.nothing  # noqa: B018
 
 
-@pytest.fixture
-def files(tmp_path, monkeypatch, own_cache):
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
     """Go to a folder with the files of the examples."""
-    monkeypatch.chdir(tmp_path)
-    log, _ = examples.prepare("dog", tmp_path / "out")
-    examples.prepare("human", tmp_path / "out")
-    shutil.copy(tmp_path / "out" / "dog.glb", tmp_path)
-    convert_performers(log, tmp_path / "walk.bvh", Settings())
-    return tmp_path
+    folder = tmp_path_factory.mktemp("files")
+    log, _ = examples.prepare("dog", folder / "out")
+    examples.prepare("human", folder / "out")
+    shutil.copy(folder / "out" / "dog.glb", folder)
+    convert_performers(log, folder / "walk.bvh", Settings())
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        yield folder
 
 
 def test_examples_of_docstrings_and_of_the_page_run(files, given_clock):

@@ -92,6 +92,7 @@ def folder(tmp_path_factory, short_examples, blob, blob_file, limbed_puppet, tak
         (folder / f"{name}.toml").write_text(text, encoding="utf-8")
     shutil.copy(folder / "out/human.toml", folder / "out/mine.toml")
     record_events(folder / "whole.log", clean("walk").frames())
+    record_events(folder / "out" / "walk.log", PERFORMANCES["walk"]().frames())  # that of the biped, which is not made
     igl.write_triangle_mesh(str(folder / "robot.obj"), blob.vertices.astype(float), blob.faces)
     both = np.vstack([blob.vertices, blob.vertices + np.array([2 * np.ptp(blob.vertices[:, 0]), 0, 0])])
     igl.write_triangle_mesh(str(folder / "couple.obj"), both, np.vstack([blob.faces, blob.faces + len(blob.vertices)]))

@@ -35,8 +35,10 @@ class Shape:
 
     def within(self, points: Array, reach: Array) -> NDArray[np.intp]:
         """Return the indices of points in the box or less than `reach` (n,) away; all others are farther away."""
-        beyond = np.maximum(np.maximum(self.low - points, points - self.high), 0.0)
-        square = np.einsum("ik,ik->i", beyond, beyond)
+        square = np.zeros(len(points))
+        for axis, low, high in zip(points.T, self.low, self.high, strict=True):
+            beyond = np.maximum(np.maximum(low - axis, axis - high), 0.0)
+            square += beyond * beyond
         return np.flatnonzero((square == 0.0) | ((reach > 0.0) & (square < reach * reach)))
 
 

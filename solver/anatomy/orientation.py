@@ -135,7 +135,8 @@ def _chances(mesh: SolverMesh) -> dict[tuple[str, str], float]:
     """Return the probability of each up and front."""
     points, _ = sample(mesh, SAMPLE_COUNT)
     diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
-    mirroring = [_mirroring(points, axis, diagonal) for axis in range(3)]
+    tree = scipy.spatial.cKDTree(points)
+    mirroring = [_mirroring(tree, axis, diagonal) for axis in range(3)]
     detail = mesh.vertices.mean(axis=0) - points.mean(axis=0)
     logits = {}
     for up, front in permutations(range(3), 2):
@@ -197,16 +198,15 @@ def _spread(left: NDArray[np.float64], front: NDArray[np.float64]) -> float:
     return float(np.sqrt(max(squared, 0.0)))
 
 
-def _mirroring(points: NDArray[np.float64], axis: int, diagonal: float) -> tuple[float, float]:
+def _mirroring(tree: scipy.spatial.cKDTree, axis: int, diagonal: float) -> tuple[float, float]:
     """Return the position of the middle plane along an axis, and the mean distance of mirrored points from the surface.
 
     The distance is in diagonals, at most 0.03 per point, so that a sword in one hand does not matter much.
     """
-    along = points[:, axis]
-    tree = scipy.spatial.cKDTree(points)
+    along = tree.data[:, axis]
     found = []
     for middle in (0.0, along.mean(), np.median(along), (along.min() + along.max()) / 2):
-        mirrored = points[::3].copy()
+        mirrored = tree.data[::3].copy()
         mirrored[:, axis] = 2 * middle - mirrored[:, axis]
         distance, _ = tree.query(mirrored, distance_upper_bound=0.03 * diagonal)
         found.append((float(np.minimum(np.asarray(distance) / diagonal, 0.03).mean()), float(middle)))

@@ -198,7 +198,7 @@ def _spread(left: NDArray[np.float64], front: NDArray[np.float64]) -> float:
     return float(np.sqrt(max(squared, 0.0)))
 
 
-def _mirroring(tree: scipy.spatial.cKDTree, axis: int, diagonal: float) -> tuple[float, float]:
+def _mirroring(tree: "scipy.spatial.cKDTree", axis: int, diagonal: float) -> tuple[float, float]:
     """Return the position of the middle plane along an axis, and the mean distance of mirrored points from the surface.
 
     The distance is in diagonals, at most 0.03 per point, so that a sword in one hand does not matter much.

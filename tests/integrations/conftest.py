@@ -106,14 +106,14 @@ def serve_figure(serve, played, free_port):
     return start
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def figure(own_cache, commands, played, baked, tmp_path_factory):
-    """The small figure, served as long as the tests run, with morph targets; none asks for what others would see."""
+    """The small figure with morph targets, served for a module: one that runs to the end takes a tenth of a core."""
     with services.services(commands, tmp_path_factory.mktemp("figure")) as start:
         yield start(*played, "--morphs", baked)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def locked_figure(own_cache, commands, played, token_file, tmp_path_factory):
     """The same behind a token, without morph targets."""
     with services.services(commands, tmp_path_factory.mktemp("locked")) as start:

@@ -271,11 +271,16 @@ class LimbBranches(LimbEnds):
         return max(behind, key=lambda branch: branch.length, default=None)
 
     def _is_flat(self, branch: LimbCurve) -> bool:
-        """Return whether a branch is a sheet, such as a cape: the volume around it is larger than that of a rod."""
+        """Return whether a branch is a sheet, such as a cape: its volume is larger than that of a rod.
+
+        Only the cells that it leads to count, and not those of a leg beside it.
+        """
         outer = branch.along < 0.5 * branch.length
         points, thickness = branch.points[outer], branch.depth[outer] + self.solid.size / 2
         reach = np.maximum(SHEET_REACH_RATIO * thickness, SHEET_REACH_RATIO * self.solid.size)
-        around = self._tree.query_ball_point(points, reach, return_length=True)
+        root = int(branch.cells[branch.along <= max(branch.length - branch.depth[-1], 0.0)][-1])
+        own = cKDTree(self.cells[self.skeleton.beyond(root)])
+        around = own.query_ball_point(points, reach, return_length=True)
         rod = 2 * np.pi * thickness**2 * reach
         return bool(np.median(around * self.solid.size**3 / rod) > MIN_SHEET_RATIO)
 

@@ -54,6 +54,12 @@ def test_a_rump_that_sticks_out_is_no_hock():
     assert heights[-1] < 0.35
 
 
+def test_a_tail_that_hangs_between_the_hind_legs_is_a_limb():
+    tail = [((0.0, 1.05, -1.2), (0.0, 0.9, -1.35), 0.09), ((0.0, 0.9, -1.35), (0.0, 0.3, -1.35), 0.09)]
+    limbs = found(body_of([*TRUNK[:3], *tail, *both(*HIND, *FRONT)]))
+    assert away(limbs["tail"][-1], (0.0, 0.25, -1.35)) < 0.1
+
+
 @pytest.mark.parametrize(
     ("legs", "names"),
     [

@@ -2,8 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -128,41 +127,24 @@ def resample(clip: SkeletonClip, fps: float = 30.0, max_gap: float = 0.25) -> Ti
             fix="Choose another performer or another recording.",
         )
     times = np.arange(_frame_count(clip, seen, fps)) / fps
-    clip = _held_until_cuts(clip)
     known_times = clip.times - seen[0]
+    cuts = known_times[cut_frames(clip.times, clip.positions, clip.confidence)[1]]
     positions = np.empty((len(times), *clip.positions.shape[1:]))
     confidence = np.empty(positions.shape[:2], dtype=np.float32)
     for joint in range(positions.shape[1]):
         positions[:, joint], confidence[:, joint] = _resample_joint(
-            times, known_times, clip.positions[:, joint], clip.confidence[:, joint], max_gap
+            times, known_times, cuts, clip.positions[:, joint], clip.confidence[:, joint], max_gap
         )
     orientations = None
     if clip.orientations is not None:
-        orientations = _resample_orientations(times, known_times, clip.orientations, max_gap)
+        orientations = _resample_orientations(times, known_times, cuts, clip.orientations, max_gap)
     channels = None
     if clip.channels is not None:
-        channels = {name: _resample_channel(times, known_times, values) for name, values in clip.channels.items()}
+        channels = {name: _resample_channel(times, known_times, cuts, values) for name, values in clip.channels.items()}
     seen = seen - seen[0]
     before_gap = np.flatnonzero(np.diff(seen) > max_gap + TIME_TOLERANCE_SECONDS)
     gaps = tuple((float(seen[i]), float(seen[i + 1])) for i in before_gap)
     return Timeline(fps, positions, confidence, gaps, orientations, clip.rest, channels)
-
-
-def _held_until_cuts(clip: SkeletonClip) -> SkeletonClip:
-    """Return a clip with one more frame just before each cut: the last one before it with a known joint."""
-    before, cuts = cut_frames(clip.times, clip.positions, clip.confidence)
-
-    def held(values: NDArray[Any]) -> NDArray[Any]:
-        return np.insert(values, cuts, values[before], axis=0)
-
-    return replace(
-        clip,
-        times=np.insert(clip.times, cuts, clip.times[cuts] - 2 * TIME_TOLERANCE_SECONDS),
-        positions=held(clip.positions),
-        confidence=held(clip.confidence),
-        orientations=None if clip.orientations is None else held(clip.orientations),
-        channels=None if clip.channels is None else {name: held(each) for name, each in clip.channels.items()},
-    )
 
 
 def choose(clips: Sequence[SkeletonClip], user: int | None = None) -> tuple[SkeletonClip, str]:
@@ -202,6 +184,7 @@ def choose(clips: Sequence[SkeletonClip], user: int | None = None) -> tuple[Skel
 def _resample_joint(
     times: NDArray[np.float64],
     sample_times: NDArray[np.float64],
+    cuts: NDArray[np.float64],
     positions: NDArray[np.float64],
     confidence: NDArray[np.float32],
     max_gap: float,
@@ -212,10 +195,11 @@ def _resample_joint(
         return np.full((len(times), 3), np.nan), np.zeros(len(times), dtype=np.float32)
     sample_times, positions, confidence = sample_times[known], positions[known], confidence[known]
 
-    left, right, elapsed, span = _neighbours(times, sample_times)
+    left, right, elapsed, span = _neighbours(times, sample_times, cuts)
     on_sample = np.abs(elapsed) <= TIME_TOLERANCE_SECONDS
     # there is no sample to the right of the last one (span 0) or to the left of the first one
     between = (elapsed > TIME_TOLERANCE_SECONDS) & (span > 0) & (span <= max_gap + TIME_TOLERANCE_SECONDS)
+    between &= _part_of(times, cuts) == _part_of(sample_times, cuts)[left]
 
     part = np.divide(elapsed, span, out=np.zeros_like(times), where=between)[:, None]
     resampled = positions[left] + part * (positions[right] - positions[left])
@@ -224,19 +208,33 @@ def _resample_joint(
 
 
 def _neighbours(
-    times: NDArray[np.float64], sample_times: NDArray[np.float64]
+    times: NDArray[np.float64], sample_times: NDArray[np.float64], cuts: NDArray[np.float64]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]:
-    """Return the samples (T,) before and after each time, and the time since the former and between both."""
+    """Return the samples (T,) before and after each time, and the time since the former and between both.
+
+    If one of the cuts (C,) is between both samples, the former is returned twice.
+    """
     left = np.maximum(np.searchsorted(sample_times, times + TIME_TOLERANCE_SECONDS, side="right") - 1, 0)
     right = np.minimum(left + 1, len(sample_times) - 1)
-    return left, right, times - sample_times[left], sample_times[right] - sample_times[left]
+    part = _part_of(sample_times, cuts)
+    same = np.where(part[left] == part[right], right, left)
+    return left, same, times - sample_times[left], sample_times[right] - sample_times[left]
+
+
+def _part_of(times: NDArray[np.float64], cuts: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return how many cuts there are until each time."""
+    return np.searchsorted(cuts, times + TIME_TOLERANCE_SECONDS, side="right")
 
 
 def _resample_orientations(
-    times: NDArray[np.float64], sample_times: NDArray[np.float64], samples: NDArray[np.float64], max_gap: float
+    times: NDArray[np.float64],
+    sample_times: NDArray[np.float64],
+    cuts: NDArray[np.float64],
+    samples: NDArray[np.float64],
+    max_gap: float,
 ) -> NDArray[np.float64]:
     """Resample (S, 20, 4) orientations to (T, 20, 4), NaN if a neighbouring sample is unknown or too far away."""
-    left, right, elapsed, span = _neighbours(times, sample_times)
+    left, right, elapsed, span = _neighbours(times, sample_times, cuts)
     on_sample = np.abs(elapsed) <= TIME_TOLERANCE_SECONDS
     part = np.divide(elapsed, span, out=np.zeros_like(times), where=~on_sample & (span > 0))[:, None]
     found = [
@@ -249,11 +247,17 @@ def _resample_orientations(
 
 
 def _resample_channel(
-    times: NDArray[np.float64], sample_times: NDArray[np.float64], values: NDArray[np.float32]
+    times: NDArray[np.float64],
+    sample_times: NDArray[np.float64],
+    cuts: NDArray[np.float64],
+    values: NDArray[np.float32],
 ) -> NDArray[np.float32]:
-    """Interpolate a channel between its known values; hold the first and the last one."""
+    """Interpolate a channel between its known values; hold the first and the last one, and those before cuts."""
     known = ~np.isnan(values)
-    return np.interp(times, sample_times[known], values[known]).astype(np.float32)
+    values = values[known]
+    left, right, elapsed, span = _neighbours(times, sample_times[known], cuts)
+    part = np.clip(np.divide(elapsed, span, out=np.zeros_like(times), where=span > 0), 0, 1)
+    return (values[left] + part * (values[right] - values[left])).astype(np.float32)
 
 
 def _frame_count(clip: SkeletonClip, seen: NDArray[np.float64], fps: float) -> int:

@@ -67,3 +67,19 @@ def test_no_frame_is_between_the_two_sides_of_a_cut_after_a_lost_frame():
     timeline = resample(SkeletonClip("test", 0, times, positions, confidence), 97)
     carried = (timeline.positions - BODY)[..., 0]
     np.testing.assert_allclose(carried, np.where(timeline.times < times[30] - 1e-6, 0, 3)[:, None].repeat(20, 1))
+
+
+@pytest.mark.parametrize("lost", [1, 5, 12])
+def test_a_joint_that_is_lost_before_or_after_a_cut_is_on_one_side_of_it(lost):
+    times, positions = walk(30, 0.0)
+    positions[30:] += [3, 0, 0]
+    confidence = SEEN.copy()
+    head, hand = JOINT_INDEX["head"], JOINT_INDEX["hand_left"]
+    for joint, own in ((head, slice(30 - lost, 30)), (hand, slice(30, 30 + lost))):
+        confidence[own, joint], positions[own, joint] = 0, np.nan
+    timeline = resample(SkeletonClip("test", 0, times, positions, confidence), 97)
+    carried = (timeline.positions - BODY)[..., 0]
+    after = timeline.times >= times[30] - 1e-6
+    np.testing.assert_allclose(carried[:, head], np.where(after, 3, 0), atol=1e-9)
+    np.testing.assert_allclose(carried[:, hand], np.where(timeline.times >= times[30 + lost] - 1e-6, 3, 0), atol=1e-9)
+    assert not timeline.confidence[after & (timeline.times < times[30 + lost] - 1e-6), hand].any()

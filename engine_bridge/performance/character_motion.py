@@ -104,11 +104,21 @@ class CharacterMotion:
         self.rig = rig
         self._channels = ChannelMotion(rig.puppet, self.deformer.bones)
 
-    def step(self, frame: SkeletonFrame) -> Pose:
-        """Return the pose for the performer's next frame, which is later than the previous one."""
+    def step(self, frame: SkeletonFrame, *, ease_cuts: bool = False) -> Pose:
+        """Return the pose for the performer's next frame, which is later than the previous one.
+
+        Parameters
+        ----------
+        frame : SkeletonFrame
+        ease_cuts : bool
+            Whether to ease from the pose before a cut (`capture.cuts`) into that after it.
+        """
         if self.performer is None:
             return self.show(frame.time, self._without_performer(frame.time), sided(frame.channels, self.mirror))
-        return self.show(frame.time, self.performer.step(frame), sided(frame.channels, self.performer.mirrors))
+        target = self.performer.step(frame)
+        if ease_cuts and self.performer.has_cut:
+            self.ease(frame.time)
+        return self.show(frame.time, target, sided(frame.channels, self.performer.mirrors))
 
     def wait(self, time: float) -> Pose:
         """Return the pose at a time without a performer."""

@@ -103,22 +103,20 @@ class Retargeting:
             self._floor = Floor(limbs.limbs, deformer.bones, mesh.vertices, owner, self._basis)
         self._now = deepcopy(self._first)
         self._last: SkeletonFrame | None = None  # in which a joint was known
+        self.has_cut = False  # between the last two frames
 
     def _begin(self) -> None:
         """Follow the performer from the next frame on as from the first one; bones keep their axes."""
         limbs = self._now.limbs.restarted()
         self._now = replace(deepcopy(self._first), limbs=limbs)
 
-    def is_cut(self, frame: SkeletonFrame) -> bool:
-        """Return whether the performer cannot have moved from the last frame to this one."""
-        last = self._last
-        if last is None:
-            return False
-        return bool(is_cut(last.positions, last.confidence, frame.positions, frame.confidence, frame.time - last.time))
-
     def step(self, frame: SkeletonFrame) -> TargetPose:
         """Retarget the next frame, which is later than the previous one; after a cut, everything begins again."""
-        if self.is_cut(frame):
+        last = self._last
+        self.has_cut = last is not None and bool(
+            is_cut(last.positions, last.confidence, frame.positions, frame.confidence, frame.time - last.time)
+        )
+        if self.has_cut:
             self._begin()
         if (frame.confidence > LOST).any():
             self._last = frame

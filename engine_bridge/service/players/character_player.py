@@ -266,9 +266,7 @@ class CharacterPlayer:
             if standing is not None:
                 self._calibrate(standing, frame.time)
         levelled, performer = self._sensor.levelled(frame), self.motion.performer
-        if performer is not None and performer.is_cut(levelled):
-            self.motion.ease(frame.time)
-        pose = self.motion.step(levelled)
+        pose = self.motion.step(levelled, ease_cuts=True)
         if performer is None:
             joints = self._watched.step(frame.time, levelled.positions, frame.confidence)
         else:

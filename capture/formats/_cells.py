@@ -15,6 +15,9 @@ SEPARATORS: tuple[str | None, ...] = (";", "\t", ",", "|", None)
 MAX_HEADER_ROWS = 8
 """Number of lines above the first row that may name the columns."""
 
+DIGITS, DIGITS_SHARES = 5, (0.25, 0.5)
+"""Cells that are a number's part after a decimal comma have so many digits; the range of the share of such cells."""
+
 OTHER_HEADER_ROWS = frozenset(("id", "parent", "type"))
 """First words of header rows that do not name columns. An empty cell precedes them (OptiTrack Motive)."""
 
@@ -22,7 +25,9 @@ UNKNOWN = frozenset(("", "nan", "null", "none", "na", "n/a", "-", "inf", "-inf",
 """Cells in lower case that stand for a value which is not known."""
 
 _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
-_VECTOR = re.compile(rf"[\[({{<]*\s*{_NUMBER}(?:[\s,;]+{_NUMBER}){{2,6}}\s*[\])}}>]*")
+_LABELLED = rf"(?:['\"]?[A-Za-z]+['\"]?\s*[:=]\s*)?{_NUMBER}"
+_VECTOR = re.compile(rf"(?:[A-Za-z]*[\[({{<])*\s*{_LABELLED}(?:[\s,;]+{_LABELLED}){{2,6}}\s*[\])}}>]*")
+_PAIR = re.compile(rf"[\[(]\s*{_NUMBER}\s*,\s*{_NUMBER}\s*[\])]")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
 _UNITS = frozenset(("m", "mm", "cm", "s", "ms", "sec", "", "meters", "metres", "unit", "units"))
 
@@ -42,6 +47,8 @@ class Cells:
         How many numbers each cell of a column has, for columns with several.
     cut_off : int or None
         Line within which the file ends, which is no row.
+    has_pairs : bool
+        Whether cells have two numbers each, such as ``(120, 45)``.
     """
 
     names: list[list[str]]
@@ -49,10 +56,15 @@ class Cells:
     lines: list[int]
     vectors: dict[int, int]
     cut_off: int | None
+    has_pairs: bool
 
 
 class UnevenError(ValueError):
     """A row has another number of cells than the others; the arguments are line, its cells and theirs."""
+
+
+class DecimalCommaError(ValueError):
+    """Commas are between cells and in numbers, so that nobody can tell where a number ends."""
 
 
 def number(cell: str) -> float | None:
@@ -65,8 +77,12 @@ def number(cell: str) -> float | None:
 
 
 def vector(cell: str) -> list[float] | None:
-    """Return the numbers of a cell such as ``(0.1, 1.2, 3)``; None if the cell has not 3 to 7 numbers."""
+    """Return the numbers of a cell such as ``(0.1, 1.2, 3)`` or ``x: 0.1 y: 1.2 z: 3``; None if it has not 3 to 7."""
     return [float(each) for each in re.findall(_NUMBER, cell)] if _VECTOR.fullmatch(cell) else None
+
+
+def _is_pair(cell: str) -> bool:
+    return _PAIR.fullmatch(cell) is not None
 
 
 def split(lines: Sequence[Line]) -> Cells | None:
@@ -79,9 +95,9 @@ def split(lines: Sequence[Line]) -> Cells | None:
 
     Raises
     ------
-    UnevenError
+    UnevenError, DecimalCommaError
     """
-    lines = [(at, text.lstrip("#% ") if text.lstrip()[:1] in "#%" else text) for at, text in lines]
+    lines = [(at, text.lstrip("#% ") if text.lstrip()[:1] in "#%" else text) for at, text in _whole_rows(lines)]
     if not lines:
         return None
     separator = _separator([text for _, text in lines[:60]])
@@ -92,6 +108,8 @@ def split(lines: Sequence[Line]) -> Cells | None:
     width = Counter(len(row) for row in rows[first:]).most_common(1)[0][0]
     if width > 1 and not any(row[width - 1] for row in rows[first:] if len(row) == width):
         width -= 1  # the lines end in a separator
+    if separator == "," and _is_digits(rows[first : first + 60]):
+        raise DecimalCommaError
     header = _header(rows[:first], width)
     body, numbers = rows[first:], [at for at, _ in lines[first:]]
     cut_off = None
@@ -107,7 +125,32 @@ def split(lines: Sequence[Line]) -> Cells | None:
         sizes = Counter(len(each) for row in body[:50] if (each := vector(row[column])))
         if sizes:
             vectors[column] = sizes.most_common(1)[0][0]
-    return Cells(_names(header, width), body, numbers, vectors, cut_off)
+    has_pairs = any(sum(map(_is_pair, row)) > width / 2 for row in body[:2])  # numbers may name the columns
+    return Cells(_names(header, width), body, numbers, vectors, cut_off, has_pairs)
+
+
+def _is_digits(rows: Sequence[Sequence[str]]) -> bool:
+    """Return whether no number has a point, and many cells have digits only, as those after a decimal comma."""
+    cells = [cell for row in rows for cell in row if cell]
+    digits = sum(cell.isdecimal() and len(cell) >= DIGITS for cell in cells)
+    low, high = DIGITS_SHARES
+    is_often = low * len(cells) < digits <= high * len(cells)
+    return is_often and not any("." in cell and number(cell) is not None for cell in cells)
+
+
+def _whole_rows(lines: Sequence[Line]) -> Sequence[Line]:
+    """Return lines of which those within a quoted cell are joined; a cell that does not end is no cell."""
+    rows: list[Line] = []
+    is_open = False
+    for at, text in lines:
+        if is_open:
+            rows[-1] = (rows[-1][0], rows[-1][1] + text)
+        else:
+            rows.append((at, text))
+        is_open ^= text.count('"') % 2 == 1
+    if is_open:
+        return rows[:-1] if len(rows) > 2 else lines
+    return rows
 
 
 def _header(above: list[list[str]], width: int) -> list[list[str]]:
@@ -127,7 +170,7 @@ def _separator(texts: Sequence[str]) -> str | None:
         rows = [_row(text, separator) for text in texts]
         width, count = Counter(len(row) for row in rows).most_common(1)[0]
         cells = [cell for row in rows if _has_numbers(row) for cell in row if cell]
-        good = sum(number(cell) is not None or vector(cell) is not None for cell in cells)
+        good = sum(number(cell) is not None or vector(cell) is not None or _is_pair(cell) for cell in cells)
         return round(good / max(1, len(cells)) * count / len(rows), 2) if width > 1 else 0.0, good
 
     return max(SEPARATORS, key=quality)
@@ -153,7 +196,7 @@ def _row(text: str, separator: str | None) -> list[str]:
 def _has_numbers(row: Sequence[str]) -> bool:
     """Return whether most of at least three known cells of a row are numbers."""
     known = [cell for cell in row if cell.lower() not in UNKNOWN]
-    good = sum(number(cell) is not None or 3 * (vector(cell) is not None) for cell in known)
+    good = sum(number(cell) is not None or 3 * (vector(cell) is not None or _is_pair(cell)) for cell in known)
     return good >= max(3, 0.5 * len(known)) or (len(row) >= 3 and bool(row[0]) and not known)
 
 

@@ -10,8 +10,8 @@ from typing import NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.formats._cells import UnevenError, number, split, vector
-from capture.formats._columns import AXES, Column, parse
+from capture.formats._cells import DecimalCommaError, UnevenError, number, split, vector
+from capture.formats._columns import AXES, WORDS, Column, parse
 from capture.formats._rows import Line
 from capture.formats.joint_sets import JOINT_SETS, MAX_MISFIT, Fit, clearest, fits
 from capture.formats.options import ReadOptions
@@ -25,6 +25,11 @@ UNNAMED = "\0"
 
 MAX_EXTRA_COLUMNS = 3
 """Number of columns without a header that are no positions."""
+
+EXPORT = "Export the motion as BVH, or the positions of the joints as a table (CSV)."
+IN_SPACE = "Use the tracker's positions in space, or the video itself."
+NAME_COLUMNS = "Name the columns in the first line, or those of each joint in a file: --columns FILE."
+"""What to do with text that is no table, with positions in a picture, and with columns that are not understood."""
 
 WIDTHS = (3, 4, 7)
 """Numbers of a joint without a header: x y z, then a state or a quaternion."""
@@ -77,8 +82,11 @@ class Table:
                 expected=f"{expected} columns, as in most lines",
                 fix="Correct or delete this line, or record again.",
             ) from error
+        except DecimalCommaError:
+            fix = "Export it with points in numbers, or with semicolons between them."
+            self.refuse("a table with commas both in numbers and between them", fix)
         if cells is None:
-            self.refuse("text without rows of numbers")
+            self.refuse("text without rows of numbers", EXPORT)
         self.cells = cells
         self.width = len(cells.names)
         self._names = [" ".join(names) for names in cells.names]
@@ -91,12 +99,12 @@ class Table:
     def column_name(self, column: int) -> str:
         return self._names[column] or f"column {column + 1}"
 
-    def refuse(self, found: str) -> NoReturn:
+    def refuse(self, found: str, fix: str = NAME_COLUMNS) -> NoReturn:
         raise SkeletonLogError(
             self.path,
             found=found,
             expected="a table with x, y and z of a person's joints in columns such as HeadX or left_knee.y",
-            fix="Rename the columns, or name those of each joint in a file: --columns FILE.",
+            fix=fix,
         )
 
     # What the columns are
@@ -193,7 +201,7 @@ class Table:
 
     def _unnamed(self) -> list[Layout]:
         """Return the layout without names in which the columns are a person's joints, if there is one."""
-        if any(self._names) and not self._are_numbered():
+        if self.cells.has_pairs or (any(self._names) and not self._are_numbered()):
             return []
         found: list[tuple[Fit, Layout]] = []
         for name, starts, size in self._candidates():
@@ -238,14 +246,17 @@ class Table:
     def _joint_set_of_rows(self, own: dict[str, int]) -> str | None:
         """Return the set of joints of which each frame has a row."""
         rows = self.positions(own)
+        steps = np.diff(rows, axis=0)
+        if ((steps >= 0).all(axis=0) & (steps > 0).any(axis=0)).any():  # a time, no coordinate
+            return None
         best: list[Fit] = []
         for name, joints in JOINT_SETS.items():
             count = len(rows) // len(joints)
             if self.options.joints in (None, name) and count:
                 best += fits(rows[: count * len(joints)].reshape(count, -1, 3), [name])
-        best = [
-            fit for fit in best if self.options.joints or fit.misfit < MAX_MISFIT
-        ]  # points of a mesh are rows of x y z too
+        is_named = any(set(name.lower().replace("_", " ").split()) & WORDS["joint"] for name in self._names)
+        if not (self.options.joints or is_named):  # points of a mesh are rows of x y z too
+            best = [fit for fit in best if fit.misfit < MAX_MISFIT]
         return min(best, key=lambda fit: fit.misfit).name if best else None
 
     # What the rows are
@@ -255,13 +266,15 @@ class Table:
         """The columns of each performer, or one layout if performers share columns; an error without positions."""
         if not self._layouts:
             names = ", ".join(filter(None, self._names[:12]))
-            flat = "x" in names.lower() and not any("z" in name.lower() for name in self._names)
-            self.refuse(
-                f"a table with {self.width} columns without names"
-                if not names
-                else f"a table with the columns {names}{' …' if self.width > 12 else ''}"
-                + (", which have no z: positions in a picture" if flat else "")
+            found = (
+                f"a table with the columns {names}{' …' if self.width > 12 else ''}"
+                if names
+                else f"a table with {self.width} columns without names"
             )
+            roles = {column.role for column in parse(self.cells.names)}
+            if self.cells.has_pairs or (roles >= {"x", "y"} and "z" not in roles):
+                self.refuse(f"{found}, which have no z: positions in a picture", IN_SPACE)
+            self.refuse(found, NAME_COLUMNS if roles >= set(AXES) or not names else f"{EXPORT} {NAME_COLUMNS}")
         return self._layouts
 
     @property

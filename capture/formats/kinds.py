@@ -7,14 +7,13 @@ from pathlib import Path
 from capture.formats._files import opened
 from capture.formats._json import load
 from capture.formats._rows import head_lines
-from capture.formats._table import Table
+from capture.formats._table import EXPORT, Table
 from capture.formats.options import ReadOptions
 from puppetline.errors import SkeletonLogError
 
 EXPECTED = "a recording of a person's joints: BVH, a table, an array, JSON of a tracker or sensor, or a take"
 """What `puppetline` reads, for messages."""
 
-_EXPORT = "Export the motion as BVH, or the positions of the joints as a table (CSV)."
 _AS_NUMBERS = "In Python, save the joints as numbers: np.savez(path, joints=…), or an SMPL body's poses and trans."
 _VIDEO = rb".{4}ftyp|\x00\x00\x01\xba|RIFF....AVI |\x1aE\xdf\xa3|FLV\x01"
 _KINDS: tuple[tuple[bytes, str, str], ...] = (
@@ -29,13 +28,13 @@ _KINDS: tuple[tuple[bytes, str, str], ...] = (
     (rb"version https://git-lfs", "a Git LFS pointer instead of the file", "Download the file itself: git lfs pull."),
     (rb"[/.]*/?annex/objects", "a git-annex pointer instead of the file", "Download the file itself: git annex get."),
     (rb"\s*<(?i:!doctype html|html)", "a web page", "Download the file itself: the link to a raw file."),
-    (rb"\s*<(?i:\?xml|[a-z]+[ >])", "an XML file", _EXPORT),
+    (rb"\s*<(?i:\?xml|[a-z]+[ >])", "an XML file", EXPORT),
     (rb"\x1f\x8b|7z\xbc\xaf|Rar!|BZh|\xfd7zXZ", "a compressed file", "Unpack it, and use the file inside."),
     (rb"\x89PNG|\xff\xd8\xff|GIF8|BM|RIFF....WEBP", "a picture", "Use a recording, or a video of a performer."),
     (rb"RIFF....WAVE|ID3|OggS|fLaC", "a sound", "Use a recording of joints, or a video of a performer."),
     (rb"glTF", "a glTF file", "Use it as a character; export its motion as BVH to use it as a recording."),
     (rb"\xd0\xcf\x11\xe0", "an Office file", "Save the sheet as CSV."),
-    (rb"%PDF", "a PDF", _EXPORT),
+    (rb"%PDF", "a PDF", EXPORT),
 )
 
 
@@ -75,7 +74,7 @@ def _describe(path: Path, head: bytes) -> tuple[str, str]:
             record = f"puppetline record --source video:{path.name} -o take.log"
             return found, fix or f"Use it in puppetline convert or animate, or record the performer in it: {record}."
     if b"\0" in head or _is_binary(head):
-        return "a binary file of an unknown kind", _EXPORT
+        return "a binary file of an unknown kind", EXPORT
     if head.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] in (b"{", b"["):
         return _json(path), "Export x, y and z of the joints in each frame, with their names."
     try:
@@ -83,8 +82,8 @@ def _describe(path: Path, head: bytes) -> tuple[str, str]:
         _ = Table(path, [(index, f"{text}\n") for index, text in enumerate(texts[:-1] or texts)], ReadOptions()).layouts
     except SkeletonLogError as error:
         is_table = error.where == str(path)  # otherwise a line differs from the others
-        return (error.found, error.fix) if is_table else ("text that is no table", _EXPORT)
-    return "a table of positions that are no person's", _EXPORT
+        return (error.found, error.fix) if is_table else ("text that is no table", EXPORT)
+    return "a table of positions that are no person's", EXPORT
 
 
 def _is_binary(head: bytes) -> bool:

@@ -21,7 +21,7 @@ from capture.clip import SkeletonClip
 from capture.formats._cells import number
 from capture.formats._columns import TABLE
 from capture.formats._rows import head_lines, read_lines
-from capture.formats._table import UNNAMED, Layout, Table
+from capture.formats._table import EXPORT, UNNAMED, Layout, Table
 from capture.formats.clips import DEFAULT_FPS, MAX_JOINTS, frame_rate
 from capture.formats.joint_sets import JOINT_SETS, UnclearOrderError, joint_set
 from capture.formats.options import ReadOptions
@@ -236,6 +236,8 @@ def _with_a_row_per_joint(
         names.append(joint or str(len(seen)))
         seen.add(names[-1])
     distinct = list(dict.fromkeys(names))
+    if len(distinct) == 1:
+        table.refuse("a table with the positions of a single point", EXPORT)
     if len(distinct) > MAX_JOINTS:
         table.refuse(f"rows of {len(distinct)} joints, more than the {MAX_JOINTS} of any skeleton")
     place = {name: index for index, name in enumerate(distinct)}

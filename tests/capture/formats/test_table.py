@@ -12,7 +12,7 @@ from capture.skeleton import JOINT_INDEX, JOINTS
 
 from ...effort import EFFORT
 from .random_tables import judge
-from .test_positions import person
+from .test_positions import BLAZEPOSE, joints_as, person
 
 POSES, RIGHT = person(6), np.array([1.0, 0, 0])
 
@@ -181,3 +181,32 @@ def test_a_table_cut_off_within_a_line_is_read_up_to_the_line_before(read):
     [clip] = read(table, "\n".join(lines)[:-200])
     close(clip, POSES[:-1])
     assert "line 7" in clip.notes[0]
+
+
+@pytest.mark.parametrize("form", ["x: {0}\ny: {1}\nz: {2}\nvisibility: 0.9\n", "{{'x': {0}, 'y': {1}, 'z': {2}}}"])
+def test_a_cell_may_have_labels_and_several_lines(read, form):
+    lines = [",".join(JOINTS), *(",".join(f'"{cell}"' for cell in row(pose, form)) for pose in POSES)]
+    content = "\n".join(lines) + "\n"
+    assert table.matches(content.encode())
+    assert table.matches(content.encode()[:-100])
+    [clip] = read(table, content)
+    close(clip)
+
+
+def test_rows_in_which_a_time_grows_are_no_joints(read):
+    walk = np.cumsum(np.random.default_rng(0).uniform(0, 0.2, (900, 1)), axis=0)
+    points = np.hstack([walk, np.resize(POSES[0][:, :2], (900, 2))])
+    content = "\n".join(" ".join(f"{value:.4f}" for value in point) for point in points)
+    assert not table.matches(content.encode())
+
+
+def test_rows_of_landmarks_may_be_rough_if_a_name_says_so(read):
+    points = joints_as(BLAZEPOSE) * [1, 1, 1.6]
+    lines = [f"{x:.5f},{y:.5f},{z:.5f}" for pose in points for x, y, z in pose]
+    [clip] = read(table, ["Landmark_X,Landmark_Y,Landmark_Z", *lines])
+    assert len(clip.times) == len(points)
+
+
+def test_a_single_point_is_no_performer(read):
+    with pytest.raises(table.SkeletonLogError, match="single point"):
+        read(table, ["frame,x,y,z", *(f"{index},1,2,{index}" for index in range(9))])

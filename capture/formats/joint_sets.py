@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 import capture
 from capture.formats.placement import bone_length
-from capture.formats.positions import MAX_BONE_RATIO, bone_ratios, select
+from capture.formats.positions import select
+from capture.formats.proportions import MAX_BONE_RATIO, bone_ratios
 from capture.skeleton import JOINT_INDEX, PARENTS
 from puppetline.errors import SkeletonLogError
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from capture.body import completed_lengths
 from capture.formats.options import ReadOptions
-from capture.skeleton import JOINT_INDEX, PARENTS
+from capture.skeleton import JOINT_INDEX, MAX_DISTANCE_METRES, PARENTS
 from puppetline.errors import SkeletonLogError
 
 Floats = NDArray[np.float64]
@@ -49,6 +49,9 @@ STATURE_PER_BONE_LENGTH = 1.15
 
 SENSOR_RANGE_METRES = (0.3, 10.0)
 """Distances of a performer from a sensor that measures them."""
+
+MAX_FAR_SHARE = 0.05
+"""Largest share of frames that are omitted because they are too far from the others."""
 
 FACING_COSINE = 0.5
 """Cosine of the angle to the sensor within which a performer faces it, in a quarter of the frames."""
@@ -90,6 +93,28 @@ class Placement:
         """Convert positions (…, 3) of the file to sensor coordinates."""
         turned = (positions - self.origin) @ self.axes.T
         return turned * self.unit + self.shift
+
+
+def without_far_frames(path: Path, points: Floats, options: ReadOptions) -> tuple[Floats, tuple[str, ...]]:
+    """Return points (T, 20, 3) without the few frames that are too far from the others, and a note on these.
+
+    Decoders and trackers that fail write such frames. If there are many, they are kept.
+
+    Raises
+    ------
+    SkeletonLogError
+        The body has no size.
+    """
+    unit, _ = _unit(_stature(path, points), options)
+    with warnings.catch_warnings(action="ignore"):  # a joint that is never known
+        away = np.abs(points - np.nanmedian(points, axis=(0, 1))) * unit > MAX_DISTANCE_METRES
+    far = np.any(away, axis=(1, 2), keepdims=True)
+    if not 0 < np.mean(far) < MAX_FAR_SHARE:
+        return points, ()
+    note = (
+        f"In {np.count_nonzero(far)} of {len(far)} frames, the performer is more than {MAX_DISTANCE_METRES:g} m away."
+    )
+    return np.where(far, np.nan, points), (f"{note} These are omitted.",)
 
 
 def place(

@@ -4,7 +4,6 @@ Names tell which position is which joint (`capture.bone_names`). `capture.format
 has no position continues the neck; a joint between two others is placed between them; any other joint is lost.
 """
 
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,19 +11,19 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.body import TYPICAL_BONE_METRES, typical_bone_length
+from capture.body import TYPICAL_BONE_METRES
 from capture.bone_names import find_bones, find_points
 from capture.clip import SkeletonClip
+from capture.formats import picture
 from capture.formats.clips import DEFAULT_FPS, build_clip, frame_rate
 from capture.formats.options import ReadOptions
-from capture.formats.placement import bone_length, place
+from capture.formats.placement import place, without_far_frames
+from capture.formats.proportions import TYPICAL_TRUNK_METRES, refuse_other_bodies
 from capture.formats.skeleton_joints import BONES, MIDPOINTS
-from capture.skeleton import INFERRED, JOINT_INDEX, JOINTS, LOST, PARENTS
+from capture.skeleton import INFERRED, JOINT_INDEX, JOINTS, LOST
 from puppetline.errors import SkeletonLogError
 
 Floats = NDArray[np.float64]
-
-TYPICAL_TRUNK_METRES = TYPICAL_BONE_METRES["spine"] + TYPICAL_BONE_METRES["shoulder_center"]
 
 SPINE_SHARE = TYPICAL_BONE_METRES["spine"] / TYPICAL_TRUNK_METRES
 """Distance of the spine from the hips, as a share of the trunk's length."""
@@ -34,9 +33,6 @@ WRIST_SHARE = 0.75
 
 NECK_SHARE = TYPICAL_BONE_METRES["head"] / TYPICAL_TRUNK_METRES
 """Length of the neck and half of the head, as a share of the trunk's."""
-
-MAX_BONE_RATIO = 2.0
-"""How many times longer or shorter than a typical person's a bone can be, beside the other bones."""
 
 _SIDES = "left", "right"
 _LANDMARKS = {
@@ -58,11 +54,6 @@ _HEADS = (("ear_left", "ear_right"), ("eye_left", "eye_right"), ("nose",), ("hea
 
 _REQUIRED = ("hip_center", *(f"{joint}_{side}" for side in _SIDES for joint in ("shoulder", "elbow")))
 """Joints without which positions are no person's; all others may be lost."""
-
-_BONES = tuple(
-    (joint, parent) for joint, parent in PARENTS.items() if joint.split("_")[0] in ("elbow", "wrist", "knee", "ankle")
-)
-"""The long bones of the limbs, by which a person is recognised."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,15 +115,19 @@ def clip_of_positions(
     SkeletonLogError
         Joints of a person are missing, or the positions are no person's.
     """
-    positions, image_notes = without_image_shares(names, positions)
     body = select(path, names, positions, confidence)
+    factors, image_note = picture.unit_of(body.points)
+    if image_note:
+        body = select(path, names, positions * factors, confidence)
     refuse_other_bodies(path, body.points)
-    where = place(path, body.points, body.front, options, is_picture=bool(image_notes))
+    points, far_notes = without_far_frames(path, body.points, options)
+    where = place(path, points, body.front, options, is_picture=bool(image_note))
     if times is None:
         fps, rate_notes = frame_rate(options, DEFAULT_FPS)
         times, notes = np.arange(len(positions)) / fps, (*notes, *rate_notes)
-    notes = (*notes, *image_notes, *body.notes, *where.notes)
-    return build_clip(path, log_format, times, where.apply(body.points), body.confidence, notes)
+    notes = (*notes, *filter(None, [image_note]), *far_notes, *body.notes, *where.notes)
+    confidence = np.where(np.isnan(points).any(axis=2), np.float32(LOST), body.confidence)
+    return build_clip(path, log_format, times, where.apply(points), confidence, notes)
 
 
 def select(
@@ -259,74 +254,3 @@ def _front(known: Floats, landmarks: dict[str, list[int]], sources: dict[str, tu
         units = [way / np.linalg.norm(way, axis=1, keepdims=True) for way in ways]
     total = np.nansum(units, axis=0)
     return np.where((total != 0).any(axis=1, keepdims=True), total, np.nan)
-
-
-def bone_ratios(points: Floats) -> Floats:
-    """Return how much longer the long bones are than a typical person's (9,), relative to their median.
-
-    The bones are upper arms, forearms, thighs and shins, by the medians of their lengths, and the trunk. NaN if
-    unknown.
-    """
-    typical = [*(typical_bone_length(joint) for joint, _ in _BONES), TYPICAL_TRUNK_METRES]
-    with warnings.catch_warnings(action="ignore"):  # joints that are always lost
-        lengths = [np.nanmedian(bone_length(points, *bone)) for bone in (*_BONES, ("shoulder_center", "hip_center"))]
-        ratios = np.array(lengths) / typical
-        return ratios / np.nanmedian(ratios)
-
-
-def refuse_other_bodies(path: Path, points: Floats) -> None:
-    """Check that the bones of points (T, 20, 3) have the proportions of a person.
-
-    Raises
-    ------
-    SkeletonLogError
-        A long bone is too long or too short.
-    """
-    ratios = bone_ratios(points)
-    wrong = ~(np.abs(np.log(ratios)) < np.log(MAX_BONE_RATIO)) & np.isfinite(ratios)
-    if wrong.any() or not np.isfinite(ratios).any():
-        bones = (*_BONES, ("shoulder_center", "hip_center"))
-        listed = ", ".join(
-            f"{parent} to {joint} {ratio:.2g} times a person's"
-            for (joint, parent), ratio, bad in zip(bones, ratios, wrong, strict=True)
-            if bad
-        )
-        raise SkeletonLogError(
-            path,
-            found=f"distances between joints that no person has ({listed or 'none is known'})",
-            expected="the joints of a person, in the order of their names",
-            fix="Check the names and the order of the joints; --joints and --columns set them.",
-        )
-
-
-IMAGE_SIZES = {"16:9": 16 / 9, "4:3": 4 / 3, "1:1": 1.0, "3:4": 3 / 4, "9:16": 9 / 16}
-"""Common ratios of an image's width to its height."""
-
-
-def without_image_shares(names: Sequence[str], positions: Floats) -> tuple[Floats, tuple[str, ...]]:
-    """Return positions with one unit for all axes, and a note, if x and y are shares of an image's width and height.
-
-    Trackers write such positions: x and y from 0 to 1, and z in the unit of x from the hips. The ratio of the image's
-    sides is the common one with which the person has the proportions of a typical one.
-    """
-    sources, _ = _sources(names)
-    hips = [index for joint in ("hip_left", "hip_right") for index in sources.get(joint, ())]
-    xy = positions[..., :2][np.isfinite(positions[..., :2]).all(axis=2)]
-    if len(hips) != 2 or not len(xy):
-        return positions, ()
-    middle = np.nanmedian(positions[:, hips].mean(axis=1), axis=0)
-    low, high = np.percentile(xy, [5, 95], axis=0)
-    is_share = (low > -0.2).all() and (high < 1.2).all() and (middle[:2] > 0.05).all() and abs(middle[2]) < 0.05
-    if not is_share:
-        return positions, ()
-    best = {}
-    for name, ratio in IMAGE_SIZES.items():
-        points = np.full((len(positions), len(JOINTS), 3), np.nan)
-        for joint, indices in sources.items():
-            points[:, JOINT_INDEX[joint]] = positions[:, list(indices)].mean(axis=1) / [1, ratio, 1]
-        wide = [np.nanmedian(bone_length(points, f"{joint}_left", f"{joint}_right")) for joint in ("shoulder", "hip")]
-        tall = [np.nanmedian(bone_length(points, *bone)) for bone in _BONES]
-        best[name] = abs(np.log(sum(wide) / sum(tall) * sum(typical_bone_length(bone) for bone, _ in _BONES) / 0.55))
-    name = min(best, key=best.__getitem__)
-    note = f"x and y are shares of an image; its sides are assumed to be {name}. Depths of such positions are rough."
-    return positions / [1, IMAGE_SIZES[name], 1], (note,)

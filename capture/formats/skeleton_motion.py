@@ -20,8 +20,8 @@ from scipy.spatial.transform import Rotation
 from capture.clip import SkeletonClip
 from capture.formats.clips import build_clip
 from capture.formats.options import ReadOptions
-from capture.formats.placement import place
-from capture.formats.positions import refuse_other_bodies
+from capture.formats.placement import place, without_far_frames
+from capture.formats.proportions import refuse_other_bodies
 from capture.formats.skeleton_joints import select
 from capture.orientations import unknown
 from capture.rest_frames import in_place, resting_frames
@@ -145,7 +145,7 @@ def clips_of(
 def _clip(path: Path, log_format: str, times: Floats, motion: SkeletonMotion, options: ReadOptions) -> SkeletonClip:
     """Return the clip of a human body, in metres and in front of the sensor."""
     body = select(path, motion.names, motion.parents, motion.rest, motion.positions, motion.rotations, options)
-    points = body.points
+    points, far_notes = without_far_frames(path, body.points, options)
     if not body.named and not options.as_person:
         refuse_other_bodies(path, points)
     confidence = np.where(np.isnan(points[..., 0]), LOST, TRACKED).astype(np.float32)
@@ -159,7 +159,7 @@ def _clip(path: Path, log_format: str, times: Floats, motion: SkeletonMotion, op
         turned = Rotation.from_matrix(where.axes @ motion.rotations[node] @ handed)
         orientations[:, JOINT_INDEX[name]] = turned.as_quat()[:, [3, 0, 1, 2]]
     moving = slice(first, None)
-    notes = (*where.notes, *body.notes, *_repeated(motion.names))
+    notes = (*where.notes, *far_notes, *body.notes, *_repeated(motion.names))
     clip = build_clip(
         path, log_format, times[moving], positions[moving], confidence[moving], notes, orientations[moving]
     )

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from capture.body import TYPICAL_BONE_METRES, typical_bone_length
 from capture.formats.options import ReadOptions
 from capture.formats.positions import clip_of_positions
+from capture.formats.proportions import BONES
 from capture.skeleton import JOINT_INDEX, JOINTS, PARENTS
 from puppetline.errors import SkeletonLogError
 
@@ -219,3 +220,35 @@ def test_other_bodies_and_names_are_refused():
     for names in (wrong, [f"marker {joint}" for joint in range(20)]):
         with pytest.raises(SkeletonLogError):
             clip_of_positions(PATH, "table", names, poses, OPTIONS)
+
+
+@pytest.mark.parametrize("far", [1, 3])
+def test_few_frames_that_are_far_from_the_others_are_lost(far):
+    poses = np.tile(person(4), (20, 1, 1))
+    expected = clip_of_positions(PATH, "table", JOINTS, poses, OPTIONS)
+    wrong = poses.copy()
+    wrong[2 : 2 + far] += 9000
+    clip = clip_of_positions(PATH, "table", JOINTS, wrong, OPTIONS)
+    assert np.flatnonzero((clip.confidence == 0).all(axis=1)).tolist() == list(range(2, 2 + far))
+    kept = (clip.confidence > 0).all(axis=1)
+    np.testing.assert_allclose(clip.positions[kept], expected.positions[kept])
+    assert f"{far} of 80 frames" in " ".join(clip.notes)
+
+
+@pytest.mark.parametrize("depth", [1.0, 0.5])
+@pytest.mark.parametrize(("width", "height", "in_pixels"), [(9, 16, False), (16, 9, False), (1280, 720, True)])
+def test_positions_in_a_picture_get_one_unit(width, height, in_pixels, depth):
+    turn = scipy.spatial.transform.Rotation.from_rotvec([0.5, 0.8, 0]).as_matrix()  # nothing in the picture's plane
+    points = joints_as(BLAZEPOSE) @ turn.T
+    hips = points[:, [BLAZEPOSE.index("left_hip"), BLAZEPOSE.index("right_hip")]].mean(axis=(0, 1))
+    x, y, z = np.moveaxis((points - hips) / 2.5 * min(width, height), 2, 0)
+    picture = np.stack([width / 2 - x, height / 2 - y, z / width / depth], axis=2)
+    if not in_pixels:
+        picture /= [width, height, 1]
+    clip = clip_of_positions(PATH, "table", BLAZEPOSE, picture, OPTIONS)
+    angles = []
+    for each in (clip.positions, person()):
+        ways = np.stack([each[:, JOINT_INDEX[one]] - each[:, JOINT_INDEX[other]] for one, other in BONES], axis=1)
+        ways /= np.linalg.norm(ways, axis=2, keepdims=True)
+        angles.append(ways @ ways.swapaxes(1, 2))
+    np.testing.assert_allclose(*angles, atol=1e-6)

@@ -1,0 +1,88 @@
+"""Positions that trackers measure in a picture, in one unit.
+
+x and y are shares of the picture's width and height, or pixels, and z from the hips is a share of its width. The ratio
+of the picture's sides and the factor of the depths are those with which the body has the proportions of a typical one.
+A picture in pixels is the smallest common one that has the body in it.
+"""
+
+import warnings
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.body import typical_bone_length
+from capture.formats.placement import bone_length
+from capture.formats.proportions import BONES, bone_ratios
+from capture.skeleton import JOINT_INDEX
+
+Floats = NDArray[np.float64]
+
+RATIOS = {"16:9": 16 / 9, "9:16": 9 / 16, "4:3": 4 / 3, "3:4": 3 / 4, "1:1": 1.0}
+"""Common ratios of a picture's width to its height, the most common ones first."""
+
+RARITY = 0.05
+"""What the body's proportions must differ less by for the next ratio to be chosen."""
+
+MAX_OUTSIDE = 2.0
+"""How far a body may be below a picture, in heights of it."""
+
+SIZES = ((640, 480), (480, 640), (1280, 720), (720, 1280), (1920, 1080), (1080, 1920), (3840, 2160), (2160, 3840))
+"""Common widths and heights of pictures, the smallest ones first."""
+
+DEPTHS = (1.0, 0.5, 0.25)
+"""Factors of the depths in pictures, which trackers exaggerate."""
+
+PIXEL_DEPTH_SHARE = 0.02
+"""Ratio of the extents of z and y below which y is in pixels if z is a share of the picture's width."""
+
+TYPICAL_WIDTHS_METRES = 0.6
+"""Sum of the distances between the shoulders and between the hips of a typical person."""
+
+
+def unit_of(points: Floats) -> tuple[Floats, str]:
+    """Return the factors (3,) that give the positions in a picture one unit, and a note; no note for other positions.
+
+    Parameters
+    ----------
+    points : (T, 20, 3) float64
+        NaN for lost joints.
+    """
+    known = points[np.isfinite(points).all(axis=2)]
+    hips, shoulders = (_middle(points, joint) for joint in ("hip", "shoulder"))
+    if not np.isfinite(hips).all(axis=1).any():
+        return np.ones(3), ""
+    middle = np.nanmedian(hips, axis=0)
+    low, high = np.percentile(known, [5, 95], axis=0)
+    if (middle[:2] < 0.05).any() or abs(middle[2]) > 0.05:
+        return np.ones(3), ""
+    is_down = bool(np.nanmedian(shoulders[:, 1] - hips[:, 1]) < 0)
+    if (low[:2] > -0.2).all() and (high[:2] < 1 + (MAX_OUTSIDE if is_down else 0.2)).all():
+        kind, units = "shares", {name: (1.0, 1 / ratio, 1.0) for name, ratio in RATIOS.items()}
+    elif 0 < high[2] - low[2] < PIXEL_DEPTH_SHARE * (high[1] - low[1]):
+        width, height = next((size for size in SIZES if (high[:2] < size).all()), SIZES[-1])
+        kind, units = "pixels", {f"{width} × {height}": (1.0, 1.0, float(width))}
+    else:
+        return np.ones(3), ""
+    misfits = {
+        (size, depth): _misfit(points * unit * [1, 1, depth]) + RARITY * rank
+        for rank, (size, unit) in enumerate(units.items())
+        for depth in DEPTHS
+    }
+    size, depth = min(misfits, key=misfits.__getitem__)
+    note = f"x and y are {kind} of an image, which is assumed to have {size}. Depths of such positions are rough."
+    return np.multiply(units[size], [1, 1, depth]), note
+
+
+def _misfit(points: Floats) -> float:
+    """Return how much bones, and hips and shoulders, differ in their proportions from those of a typical person."""
+    with warnings.catch_warnings(action="ignore"):  # joints that are always lost
+        wide = [np.nanmedian(bone_length(points, f"{joint}_left", f"{joint}_right")) for joint in ("shoulder", "hip")]
+        tall = [np.nanmedian(bone_length(points, *bone)) for bone in BONES]
+        expected = TYPICAL_WIDTHS_METRES / sum(typical_bone_length(bone) for bone, _ in BONES)
+        deviation = np.nanmean(np.abs(np.log(bone_ratios(points))))
+        return float(deviation + abs(np.log(np.nansum(wide) / np.nansum(tall) / expected)))
+
+
+def _middle(points: Floats, joint: str) -> Floats:
+    middle: Floats = points[:, [JOINT_INDEX[f"{joint}_{side}"] for side in ("left", "right")]].mean(axis=1)
+    return middle

@@ -1,0 +1,62 @@
+"""The proportions of a person's body, by which positions of one are told from others."""
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.body import TYPICAL_BONE_METRES, typical_bone_length
+from capture.formats.placement import bone_length
+from capture.skeleton import PARENTS
+from puppetline.errors import SkeletonLogError
+
+Floats = NDArray[np.float64]
+
+TYPICAL_TRUNK_METRES = TYPICAL_BONE_METRES["spine"] + TYPICAL_BONE_METRES["shoulder_center"]
+
+MAX_BONE_RATIO = 2.0
+"""How many times longer or shorter than a typical person's a bone can be, beside the other bones."""
+
+BONES = tuple(
+    (joint, parent) for joint, parent in PARENTS.items() if joint.split("_")[0] in ("elbow", "wrist", "knee", "ankle")
+)
+"""The long bones of the limbs, by which a person is recognised."""
+
+
+def bone_ratios(points: Floats) -> Floats:
+    """Return how much longer the long bones are than a typical person's (9,), relative to their median.
+
+    The bones are upper arms, forearms, thighs and shins, by the medians of their lengths, and the trunk. NaN if
+    unknown.
+    """
+    typical = [*(typical_bone_length(joint) for joint, _ in BONES), TYPICAL_TRUNK_METRES]
+    with warnings.catch_warnings(action="ignore"):  # joints that are always lost
+        lengths = [np.nanmedian(bone_length(points, *bone)) for bone in (*BONES, ("shoulder_center", "hip_center"))]
+        ratios = np.array(lengths) / typical
+        return ratios / np.nanmedian(ratios)
+
+
+def refuse_other_bodies(path: Path, points: Floats) -> None:
+    """Check that the bones of points (T, 20, 3) have the proportions of a person.
+
+    Raises
+    ------
+    SkeletonLogError
+        A long bone is too long or too short.
+    """
+    ratios = bone_ratios(points)
+    wrong = ~(np.abs(np.log(ratios)) < np.log(MAX_BONE_RATIO)) & np.isfinite(ratios)
+    if wrong.any() or not np.isfinite(ratios).any():
+        bones = (*BONES, ("shoulder_center", "hip_center"))
+        listed = ", ".join(
+            f"{parent} to {joint} {ratio:.2g} times a person's"
+            for (joint, parent), ratio, bad in zip(bones, ratios, wrong, strict=True)
+            if bad
+        )
+        raise SkeletonLogError(
+            path,
+            found=f"distances between joints that no person has ({listed or 'none is known'})",
+            expected="the joints of a person, in the order of their names",
+            fix="Check the names and the order of the joints; --joints and --columns set them.",
+        )

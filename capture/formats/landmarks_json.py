@@ -3,7 +3,7 @@
 Programs that use MediaPipe, OpenPose and other trackers write frames as a list, or as an object with numbers for keys;
 somewhere in each is a pose, or one for each person. A pose is an object of names, a list of points, or a list of
 numbers. A point is ``[x, y, z]`` or ``{x, y, z}``, perhaps with a confidence. Of several poses in a frame, one in space
-(*world*, *3d*) counts.
+(*world*, *3d*) counts. A document may also be one pose, or have a list of points over time for each name.
 """
 
 import re
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from capture.clip import SkeletonClip
 from capture.formats._files import opened
 from capture.formats._json import load
+from capture.formats._table import EXPORT
 from capture.formats.clips import DEFAULT_FPS, frame_rate
 from capture.formats.joint_sets import JOINT_SETS, fits, joint_set
 from capture.formats.options import ReadOptions
@@ -25,11 +26,12 @@ from capture.formats.positions import clip_of_positions, is_person
 from capture.formats.table import confidence_of, seconds_of
 from puppetline.errors import SkeletonLogError
 
-_HINT = re.compile(rb"elbow|upper_?arm|keypoints|landmarks|\[\s*\[\s*-?[0-9]", re.IGNORECASE)
+_HINT = re.compile(rb'elbow|upper_?arm|humerus|keypoints|landmarks|\[\s*\[\s*-?[0-9]|"x"\s*:', re.IGNORECASE)
 _CONFIDENCES = ("visibility", "confidence", "score", "presence", "c", "v", "likelihood")
 _TIMES = ("time", "timestamp", "timestamp_ms", "timestampMs", "t", "time_s", "time_ms", "frame_time", "timestamp_usec")
 _FRAMES = ("frame", "frame_id", "frame_index", "frameNumber", "index")
 _IDS = ("person_id", "track_id", "id", "body_id", "user")
+_POSITIONS = ("position", "pos", "location", "translation")
 _SIZES = {len(joints) for joints in JOINT_SETS.values()}
 MAX_NUMBER = 2.0**63
 """Bound of the magnitude of a number: larger than any time in nanoseconds, small enough for calculations."""
@@ -67,11 +69,14 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
     if not people:
         with opened(path) as file:
             is_flat = re.search(b"_2d|keypoints", file.read(20_000)) is not None
+        kind = f"JSON with the keys {', '.join(map(str, list(document)[:8]))}" if isinstance(document, dict) else "JSON"
         raise SkeletonLogError(
             path,
-            found="JSON with positions in a picture (2D)" if is_flat else "JSON without landmarks in space",
+            found="JSON with positions in a picture (2D)" if is_flat else f"{kind}, without positions in space",
             expected="x, y and z of a person's landmarks in each frame",
-            fix="Use the tracker's positions in space (MediaPipe: pose_world_landmarks), or the video itself.",
+            fix="Use the tracker's positions in space (MediaPipe: pose_world_landmarks), or the video itself."
+            if is_flat
+            else EXPORT,
         )
     return [replace(_clip(path, seen, options), user=user) for user, seen in people.items()]
 
@@ -122,15 +127,39 @@ def _point_sizes(count: int) -> list[int]:
 
 def _frames(document: Any) -> list[Any]:
     """Return the frames of a document."""
+    if _pose(document) is not None:
+        return [document]
     if isinstance(document, list) and any(_poses(frame) for frame in document[:50]):
         return document
     if isinstance(document, dict):
         if document and all(key.replace(".", "", 1).isdecimal() for key in document):
             return list(document.values())
+        if frames := _frames_of_paths(document):
+            return frames
         for value in document.values():
             if isinstance(value, (list, dict)) and _pose(value) is None and (frames := _frames(value)):
                 return frames
     return []
+
+
+def _frames_of_paths(document: dict[str, Any]) -> list[Any]:
+    """Return the frames of a document that has a list of points over time for each name, perhaps beside times."""
+    for value in document.values():
+        paths = {name: path for name, each in value.items() if (path := _path(each))} if isinstance(value, dict) else {}
+        if len(paths) > 5 and len(set(map(len, paths.values()))) == 1 and is_person(list(paths)):
+            frames = [dict(zip(paths, points, strict=True)) for points in zip(*paths.values(), strict=True)]
+            for key in _TIMES:
+                if isinstance(times := document.get(key), list) and len(times) == len(frames):
+                    return [{key: time, "joints": frame} for time, frame in zip(times, frames, strict=True)]
+            return frames
+    return []
+
+
+def _path(value: Any) -> list[Any]:
+    """Return the points over time that a value is or has as positions; none if it has none."""
+    if isinstance(value, dict):
+        return next((_path(value[key]) for key in _POSITIONS if key in value), [])
+    return value if isinstance(value, list) and value and all(_point(each) for each in value) else []
 
 
 def _poses(value: Any, depth: int = MAX_DEPTH) -> list[tuple[dict[str, Any], _Pose]]:
@@ -178,12 +207,21 @@ def _point(value: Any) -> list[float] | None:
     if isinstance(value, dict):
         own = {key.lower(): each for key, each in value.items()}
         sure = [float(own[key]) for key in _CONFIDENCES if _is_number(own.get(key))][:1]
-        if all(_is_number(own.get(axis)) for axis in "xyz"):
-            return [*(float(own[axis]) for axis in "xyz"), *sure]
-        inner = next((own[key] for key in ("position", "pos", "location") if key in own), None)
+        place = [_as_number(own.get(axis)) for axis in "xyz"]
+        if all(_is_number(each) for each in place):
+            return [*map(float, place), *sure]
+        inner = next((own[key] for key in _POSITIONS if key in own), None)
         point = _point(inner) if inner is not None else None
         return [*point[:3], *sure] if point else None
     return None
+
+
+def _as_number(value: Any) -> Any:
+    """Return a value, or the number that it is the text of."""
+    try:
+        return float(value) if isinstance(value, str) else value
+    except ValueError:
+        return value
 
 
 def _is_number(value: Any) -> bool:

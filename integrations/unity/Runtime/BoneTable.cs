@@ -138,7 +138,7 @@ namespace Puppetline
     ""upperLeg"": ""upperleg legupper upleg thigh femur もも"",
     ""lowerLeg"": ""lowerleg leglower lowleg loleg calf shin knee tibia fibula ひざ 膝"",
     ""leg"": ""leg midleg 足"",
-    ""foot"": ""foot feet footback ankle paw hoof 足首"",
+    ""foot"": ""foot feet footback ankle talus paw hoof 足首"",
     ""toes"": ""toe toes toebase ball bigtoe つま先"",
     ""tail"": ""tail 尻尾"",
     ""wing"": ""wing feather fin flipper topflipper midflipper bottomflipper 翼 羽""

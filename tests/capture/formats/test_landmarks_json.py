@@ -8,6 +8,7 @@ import pytest
 from capture.formats import landmarks_json
 from capture.formats.joint_sets import JOINT_SETS
 from capture.skeleton import JOINT_INDEX, JOINTS
+from puppetline.errors import SkeletonLogError
 
 from .test_positions import BLAZEPOSE, joints_as, person
 
@@ -28,6 +29,7 @@ FORMS = {
     "named objects": lambda pose: [{"name": name, **each} for name, each in zip(BLAZEPOSE, objects(pose), strict=True)],
     "objects": lambda pose: {"landmarks2d": [{"x": 1, "y": 2}] * 33, "landmarks": objects(pose), "time": 0.04},
     "world": lambda pose: {"pose_landmarks": listed(pose * [1, 2, 3]), "pose_world_landmarks": listed(pose)},
+    "texts": lambda pose: [dict(zip("xyz", map(str, point), strict=True)) for point in listed(pose)],
     "lists": listed,
     "numbers": lambda pose: {"people": [{"pose_keypoints_3d": [float(each) for each in pose.ravel()]}]},
 }
@@ -83,3 +85,25 @@ def test_people_are_clips(read):
 )
 def test_other_documents_are_refused(refused_at, document):
     assert refused_at(landmarks_json, json.dumps(document)) == ""
+
+
+def test_a_document_may_be_one_pose(read):
+    content = json.dumps(objects(POINTS[0]), indent=1)
+    assert landmarks_json.matches(content.encode())
+    [clip] = read(landmarks_json, content)
+    assert clip.positions.shape == (1, len(JOINTS), 3)
+
+
+def test_names_may_have_their_points_over_time(read):
+    times = np.arange(len(POINTS)) / 50
+    paths = {name: {"translation": POINTS[:, index].tolist()} for index, name in enumerate(BLAZEPOSE)}
+    [clip] = read(landmarks_json, json.dumps({"time": times.tolist(), "bodies": paths}))
+    np.testing.assert_allclose(clip.positions[:, ARMS], person()[:, ARMS], atol=1e-9)
+    np.testing.assert_allclose(clip.times, times)
+
+
+@pytest.mark.parametrize("document", [{"left_elbow": "x"}, {"root": {"elbow": [1, 2]}, "pose": []}])
+def test_the_keys_tell_what_a_document_is(read, document):
+    with pytest.raises(SkeletonLogError) as caught:
+        read(landmarks_json, json.dumps(document))
+    assert ", ".join(document) in caught.value.found

@@ -3,6 +3,7 @@
 import warnings
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -39,7 +40,7 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
     )
     with opened(path) as file, warnings.catch_warnings(action="ignore"):
         try:
-            reader = library.Reader(file)
+            reader = _markers_only(library.Reader)(file)
             names = [label.strip() for label in reader.point_labels]
             rate = float(reader.point_rate)
             frames = [points[:, :4].copy() for _, points, _ in islice(reader.read_frames(), MAX_FRAMES + 1)]
@@ -62,3 +63,20 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
     positions = np.where(table[..., 3:] < 0, np.nan, table[..., :3])
     times = np.arange(len(table)) / (options.fps or rate)
     return [clip_of_markers(path, "c3d", names[: table.shape[1]], positions, options, times=times)]
+
+
+def _markers_only(reader: type[Any]) -> type[Any]:
+    """Return a reader that leaves out forces, and takes the scale of the markers from the header.
+
+    The library refuses files with scales that are stored as integers; the header's is always a float.
+    """
+
+    class MarkerReader(reader):  # type: ignore[misc]
+        @property
+        def point_scale(self) -> float:
+            return float(self.header.scale_factor)
+
+        def get_analog_transform(self) -> tuple[float, float]:
+            return 1.0, 0.0
+
+    return MarkerReader

@@ -8,13 +8,14 @@ width outwards, 0.19 backwards and 0.30 down from the middle of its front (Bell 
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from textwrap import shorten
 
 import numpy as np
 from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
 from capture.formats.options import ReadOptions
-from capture.formats.positions import clip_of_positions
+from capture.formats.positions import clip_of_positions, is_person
 from puppetline.errors import SkeletonLogError
 
 Floats = NDArray[np.float64]
@@ -22,17 +23,17 @@ Floats = NDArray[np.float64]
 MARKERS = {
     "front": "asi asis",
     "back": "psi psis",
-    "sacrum": "sacr vsacral s2 sacrum",
+    "sacrum": "sacr vsac vsacral s2 sacrum",
     "hip": "hjc hipjoint",
     "knee": "kjc kneejoint",
-    "knee sides": "kne kneelat kneemed knee mknee lfc mfc",
+    "knee sides": "kne knee mknee lfc mfc",
     "ankle": "ajc anklejoint",
-    "ankle sides": "ank anklelat anklemed ankle mankle lmal mmal",
-    "foot": "toe toetip toelat toemed mt2 mt1 mt5",
-    "heel": "hee heel cal",
+    "ankle sides": "ank ankle mankle lmal mmal",
+    "foot": "toe toetip mt2 mt1 mt5",
+    "heel": "hee heel cal calc",
     "shoulder": "sho acromium acromion acr shoulder acrotip",
-    "elbow": "elb elbow elbm elblat elbmed melbow lel mel",
-    "wrist": "wra wrb wrist wristlat wristmed faradius faulna",
+    "elbow": "elb elbow elbm melbow lel mel",
+    "wrist": "wra wrb wrist faradius faulna",
     "hand": "fin mcp3",
     "head sides": "fhd bhd temple",
     "neck": "c7 clav sternum",
@@ -41,6 +42,9 @@ MARKERS = {
 
 BELL = 0.36, 0.19, 0.30
 """Distances of a hip from the middle of the pelvis's front, outwards, backwards and down, in widths of the pelvis."""
+
+_SIDE_OF_JOINT = re.compile("(lat|med|lateral|medial|radius|ulna|reg|study|v)+$")
+"""Ends of names that tell the side of a joint, or how a program has placed the marker."""
 
 _PLACES = {word: place for place, words in MARKERS.items() for word in words.split()}
 _NEEDED = ("Hip", "Knee", "Ankle", "Shoulder", "Elbow")
@@ -71,11 +75,13 @@ def clip_of_markers(
     if joints.keys() >= {f"{joint}{side}" for joint in _NEEDED for side in ("Left", "Right")}:
         notes = (*notes, "The joints follow from the markers on both sides of them.")
         names, positions = list(joints), np.stack(list(joints.values()), axis=1)
-    elif joints:
-        needed = [f"{joint}{side}" for joint in _NEEDED for side in ("Left", "Right")]
+    elif joints or not is_person(names):
+        missing = [f"{joint}{side}" for joint in _NEEDED for side in ("Left", "Right")]
+        missing = [joint for joint in missing if joint not in joints]
+        listed = shorten(", ".join(names), 120, placeholder=" …")
         raise SkeletonLogError(
             path,
-            found=f"markers of some joints only; none for {', '.join(name for name in needed if name not in joints)}",
+            found=f"markers of some joints only ({listed}); none for {', '.join(missing)}",
             expected="the markers of a whole body, such as those of Plug-in Gait or OpenSim",
             fix="Export joint centres too, or record with markers on arms and legs.",
         )
@@ -84,13 +90,14 @@ def clip_of_markers(
 
 def _place(name: str) -> tuple[str, str] | None:
     """Return what a marker is at, and its side; None for others."""
-    own = re.sub(r"[^a-z0-9]", "", re.split("[:|]", name)[-1].lower())
-    if own in _PLACES:
-        return _PLACES[own], ""
-    for side, word in (("Left", "l"), ("Right", "r")):
-        for rest in (own.removeprefix(word), own.removesuffix(word)):
-            if rest != own and rest in _PLACES:
-                return _PLACES[rest], side
+    full = re.sub(r"[^a-z0-9]", "", re.split("[:|]", name)[-1].lower())
+    for own in (full, _SIDE_OF_JOINT.sub("", full)):
+        if own in _PLACES:
+            return _PLACES[own], ""
+        for side, word in (("Left", "l"), ("Right", "r")):
+            for rest in (own.removeprefix(word), own.removesuffix(word)):
+                if rest != own and rest in _PLACES:
+                    return _PLACES[rest], side
     return None
 
 
@@ -99,7 +106,7 @@ def _joints(names: Sequence[str], positions: Floats) -> dict[str, Floats]:
     known = np.where((positions == 0).all(axis=2, keepdims=True), np.nan, positions)
     found: dict[tuple[str, str], list[Floats]] = {}
     for index, name in enumerate(names):
-        if (place := _place(name)) is not None:
+        if (place := _place(name)) is not None and np.isfinite(known[:, index]).any():
             found.setdefault(place, []).append(known[:, index])
     middle = {place: np.mean(each, axis=0) for place, each in found.items()}
     joints = {}

@@ -41,3 +41,13 @@ def test_a_damaged_file_is_an_error(tmp_path):
         except SkeletonLogError:
             continue
         assert np.isfinite(clips[0].positions[clips[0].confidence > 0]).all()
+
+
+def test_scales_may_be_integers(tmp_path):
+    content = bytearray(write(tmp_path / "a.c3d").read_bytes())
+    expected = read_log(tmp_path / "a.c3d", ReadOptions())
+    for start in (at for at in range(len(content)) if content[at : at + 6] == b'SCALE"'):
+        content[start + 7 : start + 13] = b"\x02\0" + (-1).to_bytes(2, "little", signed=True) + b"\0\0"
+    (tmp_path / "b.c3d").write_bytes(content)
+    (clip,) = read_log(tmp_path / "b.c3d", ReadOptions())
+    np.testing.assert_array_equal(clip.positions, expected[0].positions)

@@ -88,3 +88,15 @@ def test_joints_that_a_program_has_computed_are_read_by_their_names(tmp_path):
     (clip,) = read_log(trc(tmp_path / "a.trc", at | {"Neck": np.array(STANDING["shoulder_center"])}), ReadOptions())
     assert not any("markers" in note for note in clip.notes)
     assert clip.positions[0, JOINT_INDEX["knee_left"], 1] < clip.positions[0, JOINT_INDEX["hip_left"], 1] - 0.4
+
+
+def test_sides_of_joints_have_many_names_and_markers_that_are_never_seen_do_not_count(tmp_path):
+    names = {"LKNE": "L_knee_lat", "L.Knee.Med": "L_knee_medial", "LELB": "LElbow_lat_v", "RWRA": "R_wrist_radius"}
+    names |= {"RWRB": "R_wrist_ulna"}
+    at = {names.get(name, name): place for name, place in body().items()}
+    unseen = {"RLFC": np.full(3, np.nan), "LEL": np.full(3, np.nan)}
+    (clip,), (same,) = (
+        read_log(trc(tmp_path / f"{name}.trc", markers), ReadOptions())
+        for name, markers in (("a", at | unseen), ("b", body()))
+    )
+    np.testing.assert_allclose(clip.positions, same.positions, atol=1e-9)

@@ -99,7 +99,8 @@ def load(path: Path) -> Arrays:
                 if sum(member.file_size for member in archive.infolist()) > MAX_BYTES:
                     raise ValueError("more than 1 GiB")
             with np.load(path, allow_pickle=False) as loaded:
-                return {name: each for name in loaded.files if (each := _numeric(loaded, name)) is not None}
+                arrays = {name: each for name in loaded.files if (each := _numeric(loaded, name)) is not None}
+                return arrays or {name: loaded[name] for name in loaded.files}
         with opened(path) as file:
             return {name: each.numbers() for name, each in variables(file.read()).items() if each.is_real}
     except SkeletonLogError:
@@ -180,7 +181,12 @@ def describe(arrays: Arrays) -> str:
 
 def _refuse(path: Path, arrays: Arrays, options: ReadOptions) -> NoReturn:
     shapes = [np.squeeze(array).shape for array in arrays.values()]
-    found, fix = describe(arrays) if arrays else "a file without arrays of numbers", ""
+    found, fix = describe(arrays), ""
+    if not arrays:
+        found, fix = (
+            "a file of structures, cells or texts, without arrays of numbers",
+            "Save the array of joints itself.",
+        )
     if any(len(shape) > 1 and shape[-1] == 2 for shape in shapes):
         found, fix = f"{found}, positions in a picture (2D)", "Use positions in space, or the video itself."
     elif any(shape[-1:] == (263,) for shape in shapes):
@@ -191,5 +197,5 @@ def _refuse(path: Path, arrays: Arrays, options: ReadOptions) -> NoReturn:
         path,
         found=found,
         expected="joints of a person, frames × joints × 3, or parameters of SMPL (poses, trans)",
-        fix=fix or f"Save the joints in one of the orders {', '.join(JOINT_SETS)}, or name it with --joints.",
+        fix=fix or "Save the joints in the order of a tracker or data set, and name the order with --joints.",
     )

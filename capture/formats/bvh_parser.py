@@ -4,6 +4,7 @@ Keywords may be in any case. Tabs, blank lines and braces on the line of another
 """
 
 import re
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain
@@ -86,6 +87,14 @@ def parse(path: Path, fps: float | None = None) -> tuple[list[Node], NDArray[np.
             fix="The file may be incomplete. Copy it again, or export the motion with the skeleton.",
         )
     refuse_too_many(at(path, lines.last), len(rows), len(nodes))
+    count, _ = Counter(len(layout.split(text)) for _, text in rows).most_common(1)[0]
+    if len(rows) > 1 and count != layout.columns:
+        raise SkeletonLogError(
+            at(path, rows[0][0]),
+            found=f"{count} numbers in most frames, for a skeleton with {layout.columns} channels",
+            expected="the motion of this skeleton",
+            fix="Export the skeleton and its motion together again.",
+        )
     motion = layout.table(path, rows)
     for row, values in zip(rows, motion, strict=True):
         _check_size(path, row, values)

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from capture.formats import arrays, smpl
 from capture.formats.joint_sets import JOINT_SETS
-from capture.formats.positions import bone_ratios
+from capture.formats.proportions import bone_ratios
 from capture.skeleton import JOINT_INDEX
 from puppetline.errors import SkeletonLogError
 
@@ -93,3 +93,8 @@ def test_other_arrays_are_refused(read, content):
 
 def test_pickles_are_no_arrays():
     assert not arrays.matches(pickle.dumps({"poses": np.zeros((9, 72))}))
+
+
+def test_an_archive_of_objects_is_called_one(read):
+    with pytest.raises(SkeletonLogError, match="Python objects"):
+        read(arrays, saved(np.savez, results=np.array([{"joints": 1}], dtype=object)))

@@ -281,3 +281,10 @@ def test_a_forearm_that_turns_about_itself_moves_no_joint_but_its_orientation(tm
     turns = Rotation.from_quat(clip.orientations[:, JOINT_INDEX["elbow_left"]][:, [1, 2, 3, 0]])
     angles = np.degrees((turns * turns[0].inv()).as_rotvec())
     assert_allclose(angles, [[0, 0, 0], [0, 40, 0], [0, 80, 0]], atol=1e-9)
+
+
+def test_motion_of_another_skeleton_is_called_so(tmp_path):
+    rows = np.pad(random_rows(), ((0, 0), (0, 6)))
+    with pytest.raises(SkeletonLogError) as caught:
+        clips_of(write(tmp_path, ["HIERARCHY", *hierarchy(BODY), *motion(rows)]))
+    assert caught.value.found.startswith(f"{rows.shape[1]} numbers in most frames")

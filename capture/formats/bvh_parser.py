@@ -73,9 +73,9 @@ def parse(path: Path, fps: float | None = None) -> tuple[list[Node], NDArray[np.
     """
     lines = _Lines(path)
     nodes, has_motion = _hierarchy(lines)
-    if not has_motion:
+    count, stated_time, rest = _motion_header(path, lines) if has_motion else (0, None, [])
+    if not rest and count == 0:
         return nodes, _rest_values(nodes), 1 / (fps or DEFAULT_FPS), ("The file has no motion; it is a rest pose.",)
-    count, stated_time, rest = _motion_header(path, lines)
     frame_time, time_notes = _seconds_per_frame(stated_time, fps)
     layout = RowLayout(sum(len(node.channels) for node in nodes), "one number per channel")
     rows, row_notes = _motion_lines(layout, rest, count)

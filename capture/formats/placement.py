@@ -59,6 +59,12 @@ FACING_COSINE = 0.5
 Y_PREFERENCE = np.array([1.0, 1.5, 1.0])
 """Weights of the axes in the search for the one along the body: in most files, y is up or down."""
 
+FLOOR, FLOOR_SPREAD = (-0.03, 0.15), 0.1
+"""Range of the height of a body's lowest joint above a floor at 0, and how much it varies, in statures."""
+
+MIN_MOTION = 0.05
+"""Motion of a joint along an axis below which the heights along this axis tell nothing, in statures."""
+
 MIN_AGREEMENT, MIN_AGREEMENT_IN_VIEW = 0.3, 1.0
 """How clearly faces, feet, knees and elbows must point backwards if coordinates are left-handed, of about 3.
 
@@ -144,13 +150,13 @@ def place(
     """
     stature = _stature(path, points)
     unit, unit_note = _unit(stature, options)
-    up, up_note = _up(points, options, np.array([0.0, 1.0, 0.0]) if is_picture else Y_PREFERENCE)
+    up, up_note = _up(points, options, None if by_sensor else stature, is_picture=is_picture)
     across = _across(points)
     notes: tuple[str, ...] = (unit_note, up_note)
     ahead = np.cross(up, across - np.outer(across @ up, up))
     in_view = by_sensor and _in_view(points, unit * _sensor_axes(up, 1.0), ahead)
     handed = 1.0
-    if _front_agreement(points, front, up, ahead) < -(MIN_AGREEMENT_IN_VIEW if in_view else MIN_AGREEMENT):
+    if _front_agreement(points, front, across) < -(MIN_AGREEMENT_IN_VIEW if in_view else MIN_AGREEMENT):
         handed = -1.0
         in_view = by_sensor and _in_view(points, unit * _sensor_axes(up, -1.0), -ahead)
         notes = (*notes, "The sides and the front of the performer fit left-handed axes; they are mirrored.")
@@ -199,12 +205,13 @@ def _across(points: Floats) -> Floats:
     return np.where(np.isnan(pairs).all(axis=0), np.nan, np.nansum(pairs, axis=0))
 
 
-def _front_agreement(points: Floats, front: Floats, up: Floats, ahead: Floats) -> float:
-    """Return how far feet, face, knees and elbows point ahead (T, 3), from about −3 to 3; 0 if nothing is known."""
+def _front_agreement(points: Floats, front: Floats, across: Floats) -> float:
+    """Return how far feet, face, knees and elbows point to the front of the trunk, from about −3 to 3; 0 if unknown."""
+    trunk = points[:, JOINT_INDEX["shoulder_center"]] - points[:, JOINT_INDEX["hip_center"]]
+    ahead = np.cross(trunk, across)
     with np.errstate(invalid="ignore", divide="ignore"):
         ahead = ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
-        seen = front - np.outer(front @ up, up)
-        evidence = [2 * np.einsum("ti,ti->t", seen, ahead)]
+        evidence = [2 * np.einsum("ti,ti->t", front, ahead)]
         for sign, (upper, middle, lower) in ((1.0, ("hip", "knee", "ankle")), (-1.0, ("shoulder", "elbow", "wrist"))):
             for side in ("left", "right"):
                 a, b, c = (points[:, JOINT_INDEX[f"{joint}_{side}"]] for joint in (upper, middle, lower))
@@ -215,8 +222,8 @@ def _front_agreement(points: Floats, front: Floats, up: Floats, ahead: Floats) -
     return sum(medians)
 
 
-def _up(points: Floats, options: ReadOptions, preference: Floats = Y_PREFERENCE) -> tuple[Floats, str]:
-    """Return the unit vector that points up, and the note on it."""
+def _up(points: Floats, options: ReadOptions, stature: float | None, *, is_picture: bool) -> tuple[Floats, str]:
+    """Return the unit vector that points up, and the note on it; without a stature, the floor is not known."""
     if options.up is not None:
         return np.eye(3)["xyz".index(options.up)], f"Up is {options.up}, as given."
     ankles = (points[:, JOINT_INDEX["ankle_left"]] + points[:, JOINT_INDEX["ankle_right"]]) / 2
@@ -225,10 +232,26 @@ def _up(points: Floats, options: ReadOptions, preference: Floats = Y_PREFERENCE)
         with warnings.catch_warnings(action="ignore"):  # joints that are always lost
             way = np.nanmedian(points[:, JOINT_INDEX[upper]] - lower, axis=0)
             body += np.nan_to_num(way / np.linalg.norm(way))
-    axis = int((np.abs(body) * preference).argmax())
+    axis = int((np.abs(body) * ([0.0, 1.0, 0.0] if is_picture else Y_PREFERENCE)).argmax())
     sign = 1.0 if body[axis] > 0 else -1.0
     name = f"{'−' if sign < 0 else ''}{'xyz'[axis]}"
+    if stature is not None and not _has_floor(sign * points[..., axis] / stature, 2.0):
+        for other in (1, 2):  # a lying body
+            if other != axis and _has_floor(points[..., other] / stature, 1.0):
+                return np.eye(3)[
+                    other
+                ], f"Up is assumed to be {'xyz'[other]}, from the floor at 0 on which the body lies."
     return sign * np.eye(3)[axis], f"Up is assumed to be {name}, the direction from feet to head."
+
+
+def _has_floor(heights: Floats, tolerance: float) -> bool:
+    """Return whether the lowest of moving joints always stay close above 0; heights (T, 20) are in statures."""
+    with warnings.catch_warnings(action="ignore"):  # frames without joints
+        lowest = np.nanmin(heights, axis=1)
+        low, middle, high = np.nanpercentile(lowest, [5, 50, 95])
+        is_moving = np.nanmax(np.ptp(heights, axis=0)) > MIN_MOTION
+    below, above = FLOOR
+    return bool(is_moving and tolerance * below < middle < tolerance * above and high - low < tolerance * FLOOR_SPREAD)
 
 
 def _unit(stature: float, options: ReadOptions) -> tuple[float, str]:

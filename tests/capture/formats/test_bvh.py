@@ -288,3 +288,25 @@ def test_motion_of_another_skeleton_is_called_so(tmp_path):
     with pytest.raises(SkeletonLogError) as caught:
         clips_of(write(tmp_path, ["HIERARCHY", *hierarchy(BODY), *motion(rows)]))
     assert caught.value.found.startswith(f"{rows.shape[1]} numbers in most frames")
+
+
+@pytest.mark.parametrize(("z_up", "turn"), [(False, 90), (False, -90), (True, 90)])
+def test_a_body_that_crawls_lies_on_the_floor_of_the_file(tmp_path, z_up, turn):
+    rows = np.zeros((40, 3 + 3 * JOINT_COUNT))
+    rows[:, 5] = turn  # face down or up
+    rows[:, 2 if not z_up else 1] = np.linspace(0, -120, 40)
+    rows[:, 1 if not z_up else 2] = 22
+    rows[:, [3 + 3 * 17 + 2, 3 + 3 * 13 + 2]] = 9 * np.sin(np.arange(40))[:, None]  # knees
+    (clip,) = clips_of(body_file(tmp_path, rows, z_up=z_up))
+    trunk = clip.positions[:, JOINT_INDEX["shoulder_center"]] - clip.positions[:, JOINT_INDEX["hip_center"]]
+    assert_allclose(trunk[:, 1], 0, atol=1e-9)
+    assert any("floor at 0" in note for note in clip.notes)
+    across = clip.positions[:, JOINT_INDEX["hip_right"]] - clip.positions[:, JOINT_INDEX["hip_left"]]
+    toes = clip.positions[:, JOINT_INDEX["foot_left"]] - clip.positions[:, JOINT_INDEX["ankle_left"]]
+    assert (np.einsum("ti,ti->t", np.cross(across, trunk), toes) < 0).all()  # not mirrored
+
+
+def test_no_frames_are_a_pose(tmp_path):
+    (clip,) = clips_of(body_file(tmp_path, np.zeros((0, 3 + 3 * JOINT_COUNT))))
+    (pose,) = clips_of(body_file(tmp_path, np.zeros((1, 3 + 3 * JOINT_COUNT))))
+    assert_array_equal(clip.positions, pose.positions)

@@ -16,7 +16,7 @@ import numpy as np
 
 from capture.clip import SkeletonClip
 from capture.formats import table
-from capture.formats._files import opened
+from capture.formats._files import HEAD_BYTES, opened
 from capture.formats.kinds import refusal
 from capture.formats.options import ReadOptions
 from capture.skeleton import JOINTS, MAX_DISTANCE_METRES
@@ -39,9 +39,6 @@ FORMATS: dict[str, str] = {
     "table": "tables of joint positions as text",
 }
 """Name of each format module and the format's name for users, in the order in which the modules are tried."""
-
-HEAD_BYTES = 65536
-"""Length of the part of a file that `matches` receives."""
 
 
 def recognize(path: Path, options: ReadOptions | None = None) -> ModuleType | None:

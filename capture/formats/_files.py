@@ -7,6 +7,9 @@ from typing import BinaryIO
 
 from puppetline.errors import SkeletonLogError
 
+HEAD_BYTES = 65536
+"""Length of the part of a file by which its format is detected."""
+
 
 @contextmanager
 def opened(path: Path) -> Iterator[BinaryIO]:

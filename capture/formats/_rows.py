@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.formats._files import opened
+from capture.formats._files import HEAD_BYTES, opened
 from puppetline.errors import SkeletonLogError, at
 
 Line = tuple[int, str]
@@ -144,6 +144,16 @@ def head_lines(head: bytes, count: int | None = None) -> list[str]:
     """Return the first `count` lines, or all, that are not blank; bytes that are not text become U+FFFD."""
     lines = head.decode("utf-8-sig", errors="replace").splitlines()
     return [line for line in lines if line.strip()][:count]
+
+
+def whole_lines(head: bytes) -> list[Line]:
+    """Return the lines of a file's head that are not blank, without the last one if the file may be longer."""
+    lines = [(number, f"{text}\n") for number, text in enumerate(head_lines(head), start=1)]
+    if len(head) >= HEAD_BYTES:
+        return lines[:-1] or lines
+    if lines and not head.endswith((b"\n", b"\r")):
+        lines[-1] = (lines[-1][0], lines[-1][1].rstrip("\n"))
+    return lines
 
 
 class LineSource:

@@ -219,6 +219,17 @@ class Table:
         own = dict(zip((*AXES, "state"), range(self.width), strict=False))
         if self.width in (3, 4) and self._joint_set_of_rows(own):
             return [Layout({f"{UNNAMED}0": own}, {})]
+        return self._numbered_rows()
+
+    def _numbered_rows(self) -> list[Layout]:
+        """Return the layout of rows that have a joint's number, which begins again at 0, before x, y and z."""
+        for column in range(self.width - 3):
+            numbers = [row[column] for row in self.cells.rows]
+            count = next((index for index, cell in enumerate(numbers) if index and cell == "0"), 0)
+            is_joint = count > 4 and all(cell == str(index % count) for index, cell in enumerate(numbers[: 3 * count]))
+            if is_joint and all(number(row[column + 3]) is not None for row in self.cells.rows[:count]):
+                own = {axis: column + 1 + k for k, axis in enumerate(AXES)}
+                return [Layout({f"{UNNAMED}0": own}, {"joint": column} | ({"frame": column - 1} if column else {}))]
         return []
 
     def _are_numbered(self) -> bool:

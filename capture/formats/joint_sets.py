@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import capture
+from capture.formats import picture
 from capture.formats.placement import bone_length
 from capture.formats.positions import select
 from capture.formats.proportions import MAX_BONE_RATIO, bone_ratios
@@ -73,6 +74,7 @@ def fits(positions: Floats, names: Sequence[str]) -> list[Fit]:
     found = []
     for name in names:
         points = select(Path(name), JOINT_SETS[name], sample).points
+        points = points * picture.unit_of(points)[0]
         with warnings.catch_warnings(action="ignore"):  # joints that are always lost
             misfit = _misfit(points)
         if misfit < MAX_MISFITS.get(name, MAX_MISFIT):

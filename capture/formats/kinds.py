@@ -4,9 +4,9 @@ import re
 import zipfile
 from pathlib import Path
 
-from capture.formats._files import opened
+from capture.formats._files import HEAD_BYTES, opened
 from capture.formats._json import load
-from capture.formats._rows import head_lines
+from capture.formats._rows import whole_lines
 from capture.formats._table import EXPORT, Table
 from capture.formats.options import ReadOptions
 from puppetline.errors import SkeletonLogError
@@ -47,7 +47,7 @@ def refusal(path: Path) -> SkeletonLogError:
         The file cannot be read.
     """
     with opened(path) as file:
-        head = file.read(65536)
+        head = file.read(HEAD_BYTES)
     found, fix = _describe(path, head)
     return SkeletonLogError(path, found=found, expected=EXPECTED, fix=fix)
 
@@ -78,8 +78,7 @@ def _describe(path: Path, head: bytes) -> tuple[str, str]:
     if head.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] in (b"{", b"["):
         return _json(path), "Export x, y and z of the joints in each frame, with their names."
     try:
-        texts = head_lines(head)
-        _ = Table(path, [(index, f"{text}\n") for index, text in enumerate(texts[:-1] or texts)], ReadOptions()).layouts
+        _ = Table(path, whole_lines(head), ReadOptions()).layouts
     except SkeletonLogError as error:
         is_table = error.where == str(path)  # otherwise a line differs from the others
         return (error.found, error.fix) if is_table else ("text that is no table", EXPORT)

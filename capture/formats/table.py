@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from capture.clip import SkeletonClip
 from capture.formats._cells import number
 from capture.formats._columns import TABLE
-from capture.formats._rows import head_lines, read_lines
+from capture.formats._rows import read_lines, whole_lines
 from capture.formats._table import EXPORT, UNNAMED, Layout, Table
 from capture.formats.clips import DEFAULT_FPS, MAX_JOINTS, frame_rate
 from capture.formats.joint_sets import JOINT_SETS, UnclearOrderError, joint_set
@@ -62,10 +62,8 @@ def matches(head: bytes) -> bool:
     """Return whether a file's head is a table with the positions of a person's joints."""
     if not may_be(head):
         return False
-    texts = head_lines(head)
-    lines = [(index, f"{text}\n") for index, text in enumerate(texts if len(texts) < 3 else texts[:-1])]
     try:
-        return Table(Path("table"), lines, ReadOptions()).has_joints
+        return Table(Path("table"), whole_lines(head), ReadOptions()).has_joints
     except UnclearOrderError:
         return True
     except SkeletonLogError:

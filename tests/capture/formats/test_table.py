@@ -210,3 +210,23 @@ def test_rows_of_landmarks_may_be_rough_if_a_name_says_so(read):
 def test_a_single_point_is_no_performer(read):
     with pytest.raises(table.SkeletonLogError, match="single point"):
         read(table, ["frame,x,y,z", *(f"{index},1,2,{index}" for index in range(9))])
+
+
+def test_rows_may_have_frame_and_number_of_a_joint_without_a_header(read):
+    points = joints_as(BLAZEPOSE)
+    lines = [
+        f"{7 + frame},{joint},{x:.6f},{y:.6f},{z:.6f},down"
+        for frame, pose in enumerate(points)
+        for joint, (x, y, z) in enumerate(pose)
+    ]
+    assert table.matches("\n".join(lines).encode())
+    [clip] = read(table, lines)
+    known = [JOINT_INDEX[joint] for joint in ("elbow_left", "wrist_right", "knee_left", "ankle_right")]
+    np.testing.assert_allclose(clip.positions[:, known], person()[:, known], atol=1e-5)
+
+
+def test_one_pose_may_be_the_whole_file(read):
+    content = "".join(f"{x:.6f},{y:.6f},{z:.6f},0.9\n" for x, y, z in joints_as(BLAZEPOSE)[0])
+    assert table.matches(content.encode())
+    [clip] = read(table, content)
+    assert len(clip.times) == 1

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from capture.formats._cells import DecimalCommaError, UnevenError, number, split, vector
 from capture.formats._columns import AXES, WORDS, Column, parse
 from capture.formats._rows import Line
-from capture.formats.joint_sets import JOINT_SETS, MAX_MISFIT, Fit, clearest, fits
+from capture.formats.joint_sets import MAX_MISFIT, Fit, clearest, fits
+from capture.formats.layouts import JOINT_SETS
 from capture.formats.options import ReadOptions
 from capture.formats.positions import is_person
 from puppetline.errors import SkeletonLogError, at

@@ -18,7 +18,8 @@ from capture.clip import SkeletonClip
 from capture.formats import smpl
 from capture.formats._files import opened
 from capture.formats._mat5 import variables
-from capture.formats.joint_sets import JOINT_SETS, Fit, clearest, fits
+from capture.formats.joint_sets import Fit, clearest, fits
+from capture.formats.layouts import JOINT_SETS
 from capture.formats.options import ReadOptions
 from capture.formats.positions import clip_of_positions
 from capture.formats.table import confidence_of

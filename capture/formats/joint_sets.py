@@ -3,7 +3,6 @@
 `capture/joint_sets.toml` has the orders that programs and data sets use.
 """
 
-import tomllib
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-import capture
 from capture.formats import picture
+from capture.formats.layouts import JOINT_SETS
 from capture.formats.placement import bone_length
 from capture.formats.positions import select
 from capture.formats.proportions import MAX_BONE_RATIO, bone_ratios
@@ -21,14 +20,6 @@ from capture.skeleton import JOINT_INDEX, PARENTS
 from puppetline.errors import SkeletonLogError
 
 Floats = NDArray[np.float64]
-
-JOINT_SETS: dict[str, tuple[str, ...]] = {
-    name: tuple(joints.split())
-    for name, joints in tomllib.loads(
-        (Path(capture.__file__).parent / "joint_sets.toml").read_text(encoding="utf-8")
-    ).items()
-}
-"""Names of the joints of each set."""
 
 SAMPLE_FRAMES = 60
 """Number of frames by which sets are compared."""

@@ -20,7 +20,8 @@ from capture.formats._files import opened
 from capture.formats._json import load
 from capture.formats._table import EXPORT
 from capture.formats.clips import DEFAULT_FPS, frame_rate
-from capture.formats.joint_sets import JOINT_SETS, fits, joint_set
+from capture.formats.joint_sets import fits, joint_set
+from capture.formats.layouts import JOINT_SETS
 from capture.formats.options import ReadOptions
 from capture.formats.positions import clip_of_positions, is_person
 from capture.formats.table import confidence_of, seconds_of

@@ -4,55 +4,44 @@ An order has one entry per joint of the other skeleton: the joint's name in `cap
 20 joints corresponds to it.
 """
 
+import tomllib
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+import capture
 from capture.skeleton import INFERRED, JOINT_INDEX, JOINTS, LOST
 
 Float = TypeVar("Float", np.float32, np.float64)
 JointOrder = Sequence[str | None]
 
-_ARM_LEG = ("shoulder", "elbow", "wrist", "hand"), ("hip", "knee", "ankle", "foot")
-_LEFT_ARM, _LEFT_LEG = (tuple(f"{part}_left" for part in limb) for limb in _ARM_LEG)
-_RIGHT_ARM, _RIGHT_LEG = (tuple(f"{part}_right" for part in limb) for limb in _ARM_LEG)
+JOINT_SETS: dict[str, tuple[str, ...]] = {
+    name: tuple(joints.split())
+    for name, joints in tomllib.loads(
+        (Path(capture.__file__).parent / "joint_sets.toml").read_text(encoding="utf-8")
+    ).items()
+}
+"""Names of the joints of each set."""
 
-K25: JointOrder = (
-    *("hip_center", "spine", None, "head"),
-    *_LEFT_ARM,
-    *_RIGHT_ARM,
-    *_LEFT_LEG,
-    *_RIGHT_LEG,
-    *("shoulder_center", None, None, None, None),
-)
-"""Kinect v2. Its neck, hand tips and thumbs are skipped; K25[:21] is the order of files without tips and thumbs."""
+_NAMES = {"spine_base": "hip_center", "pelvis": "hip_center", "spine_mid": "spine", "spine_navel": "spine"}
+_NAMES |= {"torso": "spine", "spine_shoulder": "shoulder_center"}
 
-K32: JointOrder = (
-    *("hip_center", "spine", None, "shoulder_center"),
-    *(None, *_LEFT_ARM, None, None),
-    *(None, *_RIGHT_ARM, None, None),
-    *_LEFT_LEG,
-    *_RIGHT_LEG,
-    *("head", None, None, None, None, None),
-)
-"""Azure Kinect. Its neck is where Kinect v1 has the shoulder centre; chest, clavicles, tips and face are skipped."""
 
-NITE15: JointOrder = (
-    *("head", "shoulder_center"),
-    *("shoulder_left", "shoulder_right", "elbow_left", "elbow_right", "hand_left", "hand_right"),
-    "spine",
-    *("hip_left", "hip_right", "knee_left", "knee_right", "foot_left", "foot_right"),
-)
-"""OpenNI 2 with NiTE 2; its torso becomes the spine. Requires `synthesise_missing`."""
+def order_of(name: str) -> JointOrder:
+    """Return the order of a sensor's set of joints; a neck without a joint below is where Kinect v1 has that joint."""
+    joints = JOINT_SETS[name]
+    names = _NAMES if "spine_shoulder" in joints else {**_NAMES, "neck": "shoulder_center"}
+    return tuple(names.get(joint, joint if joint in JOINT_INDEX else None) for joint in joints)
 
-MSR_ACTION3D: JointOrder = (
-    *("shoulder_left", "shoulder_right", "shoulder_center", "spine", "hip_left", "hip_right", "hip_center"),
-    *("elbow_left", "elbow_right", "wrist_left", "wrist_right", "hand_left", "hand_right"),
-    *("knee_left", "knee_right", "ankle_left", "ankle_right", "foot_left", "foot_right"),
-    "head",
-)
+
+K25, K32, MSR_ACTION3D = order_of("kinect_v2"), order_of("azure_kinect"), order_of("msr_action3d")
+"""Kinect v2 (K25[:21] is the order of files without tips and thumbs), Azure Kinect and MSR Action3D."""
+
+NITE15 = order_of("nite")
+"""OpenNI 2 with NiTE 2. Requires `synthesise_missing`."""
 
 _MISSING: dict[str, dict[str, float]] = {
     "hip_center": {"hip_left": 0.5, "hip_right": 0.5},

@@ -23,7 +23,8 @@ from capture.formats._columns import TABLE
 from capture.formats._rows import read_lines, whole_lines
 from capture.formats._table import EXPORT, UNNAMED, Layout, Table
 from capture.formats.clips import DEFAULT_FPS, MAX_JOINTS, frame_rate
-from capture.formats.joint_sets import JOINT_SETS, UnclearOrderError, joint_set
+from capture.formats.joint_sets import UnclearOrderError, joint_set
+from capture.formats.layouts import JOINT_SETS
 from capture.formats.options import ReadOptions
 from capture.formats.positions import clip_of_positions, is_person
 from capture.skeleton import INFERRED, LOST, TRACKED

@@ -9,7 +9,7 @@ from scipy.io import savemat
 from scipy.spatial.transform import Rotation
 
 from capture.formats import arrays, smpl
-from capture.formats.joint_sets import JOINT_SETS
+from capture.formats.layouts import JOINT_SETS
 from capture.formats.proportions import bone_ratios
 from capture.skeleton import JOINT_INDEX
 from puppetline.errors import SkeletonLogError

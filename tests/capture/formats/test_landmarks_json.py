@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from capture.formats import landmarks_json
-from capture.formats.joint_sets import JOINT_SETS
+from capture.formats.layouts import JOINT_SETS
 from capture.skeleton import JOINT_INDEX, JOINTS
 from puppetline.errors import SkeletonLogError
 

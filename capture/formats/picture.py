@@ -17,7 +17,7 @@ from capture.skeleton import JOINT_INDEX
 
 Floats = NDArray[np.float64]
 
-RATIOS = {"16:9": 16 / 9, "9:16": 9 / 16, "4:3": 4 / 3, "3:4": 3 / 4, "1:1": 1.0}
+RATIOS = {"16:9": 16 / 9, "9:16": 9 / 16, "4:3": 4 / 3, "3:4": 3 / 4}
 """Common ratios of a picture's width to its height, the most common ones first."""
 
 RARITY = 0.05
@@ -69,6 +69,8 @@ def unit_of(points: Floats) -> tuple[Floats, str]:
         for depth in DEPTHS
     }
     size, depth = min(misfits, key=misfits.__getitem__)
+    if _misfit(points) < misfits[size, depth]:  # they have one unit
+        return np.ones(3), ""
     note = f"x and y are {kind} of an image, which is assumed to have {size}. Depths of such positions are rough."
     return np.multiply(units[size], [1, 1, depth]), note
 

@@ -205,6 +205,13 @@ def _across(points: Floats) -> Floats:
     return np.where(np.isnan(pairs).all(axis=0), np.nan, np.nansum(pairs, axis=0))
 
 
+def toes_ahead(foot: Floats, shin: Floats) -> Floats:
+    """Return the direction (T, 3) of a foot without its part along the shin, as a kneeling person's toes point back."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        foot, shin = (way / np.linalg.norm(way, axis=1, keepdims=True) for way in (foot, shin))
+    return foot - np.einsum("ti,ti->t", foot, shin)[:, None] * shin
+
+
 def _front_agreement(points: Floats, front: Floats, across: Floats) -> float:
     """Return how far feet, face, knees and elbows point to the front of the trunk, from about −3 to 3; 0 if unknown."""
     trunk = points[:, JOINT_INDEX["shoulder_center"]] - points[:, JOINT_INDEX["hip_center"]]

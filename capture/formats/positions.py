@@ -17,7 +17,7 @@ from capture.clip import SkeletonClip
 from capture.formats import picture
 from capture.formats.clips import DEFAULT_FPS, build_clip, frame_rate
 from capture.formats.options import ReadOptions
-from capture.formats.placement import place, without_far_frames
+from capture.formats.placement import place, toes_ahead, without_far_frames
 from capture.formats.proportions import TYPICAL_TRUNK_METRES, refuse_other_bodies
 from capture.formats.skeleton_joints import BONES, MIDPOINTS
 from capture.skeleton import INFERRED, JOINT_INDEX, JOINTS, LOST
@@ -245,12 +245,12 @@ def _front(known: Floats, landmarks: dict[str, list[int]], sources: dict[str, tu
         indices = landmarks.get(name) or sources.get(name, ())
         return known[:, list(indices)].mean(axis=1) if indices else np.full((len(known), 3), np.nan)
 
-    ways = [point("nose") - (point("ear_left") + point("ear_right")) / 2]
+    face = point("nose") - (point("ear_left") + point("ear_right")) / 2
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ways = [face / np.linalg.norm(face, axis=1, keepdims=True)]
     for side in _SIDES:
         toe = point(f"toe_{side}") if f"toe_{side}" in landmarks else point(f"foot_{side}")
         heel = point(f"heel_{side}") if f"heel_{side}" in landmarks else point(f"ankle_{side}")
-        ways.append(toe - heel)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        units = [way / np.linalg.norm(way, axis=1, keepdims=True) for way in ways]
-    total = np.nansum(units, axis=0)
+        ways.append(toes_ahead(toe - heel, point(f"ankle_{side}") - point(f"knee_{side}")))
+    total = np.nansum(ways, axis=0)
     return np.where((total != 0).any(axis=1, keepdims=True), total, np.nan)

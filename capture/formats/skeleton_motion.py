@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 from capture.clip import SkeletonClip
 from capture.formats.clips import build_clip
 from capture.formats.options import ReadOptions
-from capture.formats.placement import place, without_far_frames
+from capture.formats.placement import place, toes_ahead, without_far_frames
 from capture.formats.proportions import refuse_other_bodies
 from capture.formats.skeleton_joints import select
 from capture.orientations import unknown
@@ -170,14 +170,12 @@ def _clip(path: Path, log_format: str, times: Floats, motion: SkeletonMotion, op
 
 
 def _front(points: Floats) -> Floats:
-    """Return the sum of the directions (T, 3) from ankles to toes."""
-    ways = [
-        points[:, JOINT_INDEX[f"foot_{side}"]] - points[:, JOINT_INDEX[f"ankle_{side}"]] for side in ("left", "right")
-    ]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        units = [way / np.linalg.norm(way, axis=1, keepdims=True) for way in ways]
-    total: Floats = units[0] + units[1]
-    return total
+    """Return the sum of the directions (T, 3) from ankles to toes, as far as they are not those of the shins."""
+    ways = []
+    for side in ("left", "right"):
+        knee, ankle, foot = (points[:, JOINT_INDEX[f"{joint}_{side}"]] for joint in ("knee", "ankle", "foot"))
+        ways.append(toes_ahead(foot - ankle, ankle - knee))
+    return np.sum(ways, axis=0)
 
 
 def _repeated(names: Sequence[str]) -> tuple[str, ...]:

@@ -310,3 +310,12 @@ def test_no_frames_are_a_pose(tmp_path):
     (clip,) = clips_of(body_file(tmp_path, np.zeros((0, 3 + 3 * JOINT_COUNT))))
     (pose,) = clips_of(body_file(tmp_path, np.zeros((1, 3 + 3 * JOINT_COUNT))))
     assert_array_equal(clip.positions, pose.positions)
+
+
+def test_the_toes_of_a_body_that_kneels_do_not_tell_its_front(tmp_path):
+    rows = np.zeros((4, 3 + 3 * JOINT_COUNT))
+    for knee, foot in ((13, 14), (17, 18)):
+        rows[:, [3 + 3 * knee + 2, 3 + 3 * foot + 2]] = [100, 60]  # shins and feet lie behind the knees
+    (clip,) = clips_of(body_file(tmp_path, rows))
+    assert not any("left-handed" in note for note in clip.notes)
+    assert clip.positions[0, JOINT_INDEX["ankle_left"], 2] > clip.positions[0, JOINT_INDEX["knee_left"], 2] + 0.3

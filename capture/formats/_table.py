@@ -16,7 +16,7 @@ from capture.formats._rows import Line
 from capture.formats.joint_sets import MAX_MISFIT, Fit, clearest, fits
 from capture.formats.layouts import JOINT_SETS
 from capture.formats.options import ReadOptions
-from capture.formats.positions import is_person
+from capture.formats.positions import is_person, missing_joints
 from puppetline.errors import SkeletonLogError, at
 
 Floats = NDArray[np.float64]
@@ -283,7 +283,14 @@ class Table:
                 if names
                 else f"a table with {self.width} columns without names"
             )
-            roles = {column.role for column in parse(self.cells.names)}
+            columns = parse(self.cells.names)
+            roles = {column.role for column in columns}
+            missing = missing_joints([column.joint for column in columns if column.role == "z"])
+            missing = [
+                joint for joint in missing if joint.replace("shoulder", "elbow") not in missing or "elbow" in joint
+            ]
+            if missing and "hip_center" not in missing:
+                found += f", which have no {' and '.join(missing)}"
             if self.cells.has_pairs or (roles >= {"x", "y"} and "z" not in roles):
                 self.refuse(f"{found}, which have no z: positions in a picture", IN_SPACE)
             self.refuse(found, NAME_COLUMNS if roles >= set(AXES) or not names else f"{EXPORT} {NAME_COLUMNS}")

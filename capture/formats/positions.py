@@ -165,7 +165,12 @@ def select(
 
 def is_person(names: Sequence[str]) -> bool:
     """Return whether names are those of a person's joints, or of enough of them."""
-    return not _missing(_sources(names)[0])
+    return not missing_joints(names)
+
+
+def missing_joints(names: Sequence[str]) -> list[str]:
+    """Return the joints that a person must have and that no name is of."""
+    return _missing(_sources(names)[0])
 
 
 def _missing(sources: Mapping[str, object]) -> list[str]:

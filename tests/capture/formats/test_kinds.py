@@ -24,6 +24,14 @@ CONTENTS = {
     "binary": bytes(range(256)) * 9,
     "no z": b"time,left_shoulder_x,left_shoulder_y\n1,2,3\n2,3,4\n",
     "rows of numbers": b"some notes\n",
+    "no elbow_left and elbow_right": b",".join(
+        f"{side}_{joint}_{axis}".encode()
+        for joint in ("shoulder", "hip", "knee", "wrist")
+        for side in ("left", "right")
+        for axis in "xyz"
+    )
+    + b"\n"
+    + 9 * (b"1.5," * 24 + b"\n"),
     "in a picture": b'"(12, 45)","(13, 46)","(14, 47)"\n' * 9,
     "in a picture ": b"0,1,2\n" + b'"[0.1, 0.2]","[0.2, 0.3]","[0.3, 0.4]"\n' * 9,
     "commas both in numbers and between them": b"Head,-0,16274,0,4911776,2,89635\n" * 9,

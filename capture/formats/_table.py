@@ -286,9 +286,8 @@ class Table:
             columns = parse(self.cells.names)
             roles = {column.role for column in columns}
             missing = missing_joints([column.joint for column in columns if column.role == "z"])
-            missing = [
-                joint for joint in missing if joint.replace("shoulder", "elbow") not in missing or "elbow" in joint
-            ]
+            # a shoulder without an elbow may be a collar
+            missing = [joint for joint in missing if not joint.startswith("shoulder")]
             if missing and "hip_center" not in missing:
                 found += f", which have no {' and '.join(missing)}"
             if self.cells.has_pairs or (roles >= {"x", "y"} and "z" not in roles):

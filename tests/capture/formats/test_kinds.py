@@ -45,6 +45,7 @@ def test_the_content_tells_the_kind(tmp_path, kind):
     with pytest.raises(SkeletonLogError) as caught:
         read_log(path)
     assert kind.strip() in caught.value.found
+    assert "elbow" in kind or "elbow" not in caught.value.found
     assert str(caught.value) == str(refusal(path))
 
 

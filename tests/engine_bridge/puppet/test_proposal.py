@@ -33,7 +33,7 @@ REAL = {
     "dog_10k.off": {**FOUR_LEGGED, **NECK, **TAIL},
     "cat_7k.obj": {**FOUR_LEGGED, **NECK, **TAIL},
     "spot_cow_uv.obj": {**FOUR_LEGGED, **NECK},
-    "feline_winged_genus2.obj": {**FOUR_LEGGED, **NECK, **WINGS},
+    "feline_winged_genus2.obj": {**FOUR_LEGGED, **NECK, **WINGS, **TAIL},
     "gltf/kenney/character.glb": PERSON,
     "gltf/khronos_Fox.glb": {**FOUR_LEGGED, **TAIL},
     "gltf/quaternius_Fox.glb": {**FOUR_LEGGED, **NECK, **EARS, **TAIL},

@@ -27,7 +27,6 @@ FORMATS: dict[str, str] = {
     "bvh": "BVH motion capture",
     "asf_amc": "ASF/AMC motion capture",
     "mvnx": "Xsens MVNX",
-    "trc": "TRC markers",
     "c3d_file": "C3D markers",
     "azure_json": "Azure Kinect offline_processor JSON",
     "kinect_v2_json": "Kinect v2 JSON in depth pixels",
@@ -36,7 +35,7 @@ FORMATS: dict[str, str] = {
     "arrays": "arrays of joint positions or SMPL parameters (.npy, .npz, .mat)",
     "kinect_v2_sparse": "Kinect v2 text with tracked joints only",
     "msr_action3d": "MSR Action3D, 20 rows per frame",
-    "table": "tables of joint positions as text",
+    "table": "tables of joint positions as text, TRC",
 }
 """Name of each format module and the format's name for users, in the order in which the modules are tried."""
 

@@ -1,6 +1,10 @@
-"""A text table's columns as a person's joints: by names, by a file of the user's, or by their number."""
+"""A text table's columns as a person's joints: by names, by a file of the user's, or by their number.
+
+A TRC is a table whose names are those of three columns each; other numbers are above them.
+"""
 
 import itertools
+import re
 import tomllib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -73,8 +77,10 @@ class Table:
 
     def __init__(self, path: Path, lines: Sequence[Line], options: ReadOptions) -> None:
         self.path, self.options = path, options
+        is_trc = bool(lines) and lines[0][1].startswith("PathFileType")
+        header = next((k for k, (_, text) in enumerate(lines) if is_trc and text.lower().startswith("frame#")), 0)
         try:
-            cells = split(lines)
+            cells = split(lines[header:])
         except UnevenError as error:
             line, found, expected = error.args
             raise SkeletonLogError(
@@ -95,7 +101,10 @@ class Table:
         self.notes: tuple[str, ...] = ()
         if cells.cut_off is not None:
             self.notes = (f"The file ends in the middle of line {cells.cut_off}. This frame is omitted.",)
-        self._layouts = [self._mapped(options.columns)] if options.columns else self._named() or self._unnamed()
+        if options.columns:
+            self._layouts = [self._mapped(options.columns)]
+        else:
+            self._layouts = self._trc(lines[header][1]) if header else self._named() or self._unnamed()
 
     def column_name(self, column: int) -> str:
         return self._names[column] or f"column {column + 1}"
@@ -109,6 +118,15 @@ class Table:
         )
 
     # What the columns are
+
+    def _trc(self, header: str) -> list[Layout]:
+        names = [name.strip() for name in re.split("[\t,]", header)[2:] if name.strip()]
+        joints = {
+            name: {axis: 2 + 3 * index + k for k, axis in enumerate(AXES)}
+            for index, name in enumerate(names)
+            if 5 + 3 * index <= self.width
+        }
+        return [Layout(joints, {"frame": 0} if self.options.fps else {"frame": 0, "time": 1})] if joints else []
 
     def _named(self) -> list[Layout]:
         columns = parse(self.cells.names)

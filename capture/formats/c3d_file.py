@@ -10,8 +10,8 @@ import numpy as np
 from capture.clip import SkeletonClip
 from capture.formats._files import opened
 from capture.formats.clips import refuse_too_many
-from capture.formats.markers import clip_of_markers
 from capture.formats.options import ReadOptions
+from capture.formats.positions import clip_of_positions
 from capture.libraries import load_module
 from puppetline.errors import SkeletonLogError
 
@@ -62,7 +62,7 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
     table = np.array(frames, dtype=np.float64)[:, : len(names)]
     positions = np.where(table[..., 3:] < 0, np.nan, table[..., :3])
     times = np.arange(len(table)) / (options.fps or rate)
-    return [clip_of_markers(path, "c3d", names[: table.shape[1]], positions, options, times=times)]
+    return [clip_of_positions(path, "c3d", names[: table.shape[1]], positions, options, times=times)]
 
 
 def _markers_only(reader: type[Any]) -> type[Any]:

@@ -7,16 +7,9 @@ width outwards, 0.19 backwards and 0.30 down from the middle of its front (Bell 
 
 import re
 from collections.abc import Sequence
-from pathlib import Path
-from textwrap import shorten
 
 import numpy as np
 from numpy.typing import NDArray
-
-from capture.clip import SkeletonClip
-from capture.formats.options import ReadOptions
-from capture.formats.positions import clip_of_positions, is_person
-from puppetline.errors import SkeletonLogError
 
 Floats = NDArray[np.float64]
 
@@ -47,50 +40,36 @@ _SIDE_OF_JOINT = re.compile("(lat|med|lateral|medial|radius|ulna|reg|study|v)+$"
 """Ends of names that tell the side of a joint, or how a program has placed the marker."""
 
 _PLACES = {word: place for place, words in MARKERS.items() for word in words.split()}
-_NEEDED = ("Hip", "Knee", "Ankle", "Shoulder", "Elbow")
+_NEEDED = "knee", "ankle", "shoulder", "elbow"
 _JOINTS = ("knee", "ankle", "foot", "shoulder", "elbow", "wrist", "hand")
 
 
-def clip_of_markers(
-    path: Path,
-    log_format: str,
-    names: Sequence[str],
-    positions: Floats,
-    options: ReadOptions,
-    *,
-    times: Floats,
-    notes: tuple[str, ...] = (),
-) -> SkeletonClip:
-    """Return the clip of one performer from markers, or from joints that a program has computed.
+def joints_of_markers(names: Sequence[str], positions: Floats) -> dict[str, Floats]:
+    """Return the joints (T, 3) that named markers (T, J, 3) tell, by the Kinect's names; NaN where they are lost.
 
-    The parameters are those of `capture.formats.positions.clip_of_positions`.
-
-    Raises
-    ------
-    SkeletonLogError
-        Joints of a person are missing, or the positions are no person's.
+    There are none if the markers are not those of a whole body.
     """
-    pelvis = {place[0] for name in names if (place := _place(name))} & {"front", "back", "sacrum", "hip"}
-    joints = _joints(names, positions) if pelvis else {}
-    if joints.keys() >= {f"{joint}{side}" for joint in _NEEDED for side in ("Left", "Right")}:
-        notes = (*notes, "The joints follow from the markers on both sides of them.")
-        names, positions = list(joints), np.stack(list(joints.values()), axis=1)
-    elif joints or not is_person(names):
-        missing = [f"{joint}{side}" for joint in _NEEDED for side in ("Left", "Right")]
-        missing = [joint for joint in missing if joint not in joints]
-        listed = shorten(", ".join(names), 120, placeholder=" …")
-        raise SkeletonLogError(
-            path,
-            found=f"markers of some joints only ({listed}); none for {', '.join(missing)}",
-            expected="the markers of a whole body, such as those of Plug-in Gait or OpenSim",
-            fix="Export joint centres too, or record with markers on arms and legs.",
-        )
-    return clip_of_positions(path, log_format, names, positions, options, times=times, notes=notes)
+    return _joints(names, positions) if has_markers(names) else {}
+
+
+def has_markers(names: Sequence[str]) -> bool:
+    """Return whether names are those of the markers of a whole body."""
+    places = {place for place in map(_place, _own(names)) if place is not None}
+    pelvis = {("hip", "Left"), ("hip", "Right")}, {("front", "Left"), ("front", "Right")}
+    has_pelvis = pelvis[0] <= places or (pelvis[1] <= places and {"back", "sacrum"} & {place for place, _ in places})
+    sides = ((joint, side) for joint in _NEEDED for side in ("Left", "Right"))
+    return bool(has_pelvis) and all({(joint, side), (f"{joint} sides", side)} & places for joint, side in sides)
+
+
+def _own(names: Sequence[str]) -> list[str]:
+    """Return names without the word that they all begin with, or their namespace."""
+    is_shared = len({re.split("[:|_]", name)[0] for name in names}) == 1
+    return [re.split("[:|_]", name, maxsplit=1)[-1] if is_shared else re.split("[:|]", name)[-1] for name in names]
 
 
 def _place(name: str) -> tuple[str, str] | None:
     """Return what a marker is at, and its side; None for others."""
-    full = re.sub(r"[^a-z0-9]", "", re.split("[:|]", name)[-1].lower())
+    full = re.sub(r"[^a-z0-9]", "", name.lower())
     for own in (full, _SIDE_OF_JOINT.sub("", full)):
         if own in _PLACES:
             return _PLACES[own], ""
@@ -105,7 +84,7 @@ def _joints(names: Sequence[str], positions: Floats) -> dict[str, Floats]:
     """Return the joints (T, 3) that markers tell, by the Kinect's names; NaN where they are lost."""
     known = np.where((positions == 0).all(axis=2, keepdims=True), np.nan, positions)
     found: dict[tuple[str, str], list[Floats]] = {}
-    for index, name in enumerate(names):
+    for index, name in enumerate(_own(names)):
         if (place := _place(name)) is not None and np.isfinite(known[:, index]).any():
             found.setdefault(place, []).append(known[:, index])
     middle = {place: np.mean(each, axis=0) for place, each in found.items()}

@@ -16,6 +16,7 @@ from capture.bone_names import find_bones, find_points
 from capture.clip import SkeletonClip
 from capture.formats import picture
 from capture.formats.clips import DEFAULT_FPS, build_clip, frame_rate
+from capture.formats.markers import has_markers, joints_of_markers
 from capture.formats.options import ReadOptions
 from capture.formats.placement import place, toes_ahead, without_far_frames
 from capture.formats.proportions import TYPICAL_TRUNK_METRES, refuse_other_bodies
@@ -99,7 +100,7 @@ def clip_of_positions(
     log_format : str
         Name of the recording's format.
     names : sequence of str
-        The J names, in the words of any program.
+        The J names of joints, in the words of any program, or of the markers of a whole body.
     positions : (T, J, 3) float64
         In any unit and axes. Positions that are NaN or exactly (0, 0, 0) are lost.
     options : ReadOptions
@@ -115,6 +116,10 @@ def clip_of_positions(
     SkeletonLogError
         Joints of a person are missing, or the positions are no person's.
     """
+    known = positions if confidence is None else np.where(confidence[..., None] > LOST, positions, np.nan)
+    if joints := joints_of_markers(names, known):
+        names, positions, confidence = list(joints), np.stack(list(joints.values()), axis=1), None
+        notes = (*notes, "The joints follow from the markers on both sides of them.")
     body = select(path, names, positions, confidence)
     factors, image_note = picture.unit_of(body.points)
     if image_note:
@@ -146,8 +151,8 @@ def select(
         raise SkeletonLogError(
             path,
             found=f"no position for {', '.join(missing)} among {listed[:200]}{' …' if len(listed) > 200 else ''}",
-            expected="the joints of a person, for example ShoulderLeft, left_knee or RWrist",
-            fix="Rename the joints, or name the columns that have them with --columns.",
+            expected="the joints of a person, such as ShoulderLeft, or all markers of Plug-in Gait or OpenSim",
+            fix="Export them too, or rename the joints. In a table, --columns names the columns that have them.",
         )
     given = np.ones(positions.shape[:2], np.float32) if confidence is None else confidence
     at_origin = (positions == 0).all(axis=2)
@@ -164,8 +169,8 @@ def select(
 
 
 def is_person(names: Sequence[str]) -> bool:
-    """Return whether names are those of a person's joints, or of enough of them."""
-    return not missing_joints(names)
+    """Return whether names are those of enough of a person's joints, or of the markers of a whole body."""
+    return has_markers(names) or not missing_joints(names)
 
 
 def missing_joints(names: Sequence[str]) -> list[str]:

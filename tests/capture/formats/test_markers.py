@@ -74,7 +74,7 @@ def test_hips_follow_from_the_pelvis(tmp_path):
 
 def test_markers_of_a_leg_are_no_performer(tmp_path):
     at = {name: place for name, place in body().items() if name.startswith("L")}
-    with pytest.raises(SkeletonLogError, match="markers of some joints only"):
+    with pytest.raises(SkeletonLogError, match=r"no position for .*shoulder_right.* or all markers of Plug-in Gait"):
         read_log(trc(tmp_path / "a.trc", at), ReadOptions())
 
 
@@ -100,3 +100,25 @@ def test_sides_of_joints_have_many_names_and_markers_that_are_never_seen_do_not_
         for name, markers in (("a", at | unseen), ("b", body()))
     )
     np.testing.assert_allclose(clip.positions, same.positions, atol=1e-9)
+
+
+@pytest.mark.parametrize("namespace", ["", "Someone:"])
+@pytest.mark.parametrize("header_rows", [1, 2])
+def test_markers_may_be_columns_of_any_table(tmp_path, namespace, header_rows):
+    path, at = tmp_path / "a.csv", body()
+    axes = [f"{namespace}{name}{axis}" for name in at for axis in ("_X", "_Y", "_Z")]
+    lines = [",".join(["Frame", *axes])]
+    if header_rows == 2:
+        lines = [",".join(["", *(each for name in at for each in (namespace + name, "", ""))])]
+        lines += [",".join(["Frame", *("XYZ" * len(at))])]
+    points = [AXES @ (1000 * np.add(place, [0, 0, 0.1])) for place in at.values()]
+    lines += [",".join([str(k), *map(str, np.ravel(points))]) for k in range(3)]
+    path.write_text("\n".join(lines))
+    (clip,), (same,) = (read_log(each, ReadOptions()) for each in (path, trc(tmp_path / "a.trc", body())))
+    moved = [each.positions[0] - each.positions[0, JOINT_INDEX["hip_center"]] for each in (clip, same)]
+    np.testing.assert_allclose(*moved, atol=1e-6)
+
+
+def test_a_rate_replaces_the_times_of_trc(tmp_path):
+    (clip,) = read_log(trc(tmp_path / "a.trc", body()), ReadOptions(fps=50))
+    np.testing.assert_allclose(np.diff(clip.times), 0.02)

@@ -3,12 +3,16 @@
 import re
 import tomllib
 from collections.abc import Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import NamedTuple
 
 from capture.bone_names import is_known
+from capture.formats.positions import is_person
 
 AXES = ("x", "y", "z")
+AXIS_NUMBERS = ("0", "1", "2"), ("1", "2", "3"), ("", "1", "2"), ("", "", "")
+"""What three columns of a joint in a row may end in instead of x, y and z; pandas numbers names that repeat."""
 
 _WORD = re.compile("[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[0-9]+")
 
@@ -45,6 +49,18 @@ def parse(names: Sequence[Sequence[str]]) -> list[Column]:
         columns.append(_parse(words)._replace(person=person))
     placed = {column[1:] for column in columns if column.role in AXES}
     return [column if column.role != "state" or column[1:] in placed else Column("") for column in columns]
+
+
+def with_numbers_as_axes(columns: Sequence[Column]) -> list[Column]:
+    """Return the columns of which three in a row are the axes of a joint; none if these are not a person's joints."""
+    split = [(re.sub("_?[0-9]+$", "", column.joint), column) for column in columns]
+    found: list[Column] = []
+    for joint, group in groupby(split, key=lambda each: (each[0], each[1].role, each[1].person)):
+        own = [column for _, column in group]
+        numbers = tuple(column.joint.removeprefix(joint[0]).lstrip("_") for column in own)
+        is_joint = joint[0] and not joint[1] and numbers in AXIS_NUMBERS
+        found += [Column(axis, joint[0], joint[2]) for axis in AXES] if is_joint else own
+    return found if is_person([column.joint for column in found if column.role == "z"]) else []
 
 
 def _words(cell: str) -> list[str]:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.formats._cells import DecimalCommaError, UnevenError, number, split, vector
-from capture.formats._columns import AXES, WORDS, Column, parse
+from capture.formats._columns import AXES, WORDS, Column, parse, with_numbers_as_axes
 from capture.formats._rows import Line
 from capture.formats.joint_sets import MAX_MISFIT, Fit, clearest, fits
 from capture.formats.layouts import JOINT_SETS
@@ -130,6 +130,11 @@ class Table:
 
     def _named(self) -> list[Layout]:
         columns = parse(self.cells.names)
+        if not any(column.role in AXES for column in columns):
+            numbered = with_numbers_as_axes(columns)
+            last = [self._numbers(index) for index, column in enumerate(numbered) if column.role == "z"]
+            is_score = all((np.isnan(each) | ((each >= 0) & (each <= 1))).all() for each in last)
+            columns = columns if is_score else numbered
         people = list(dict.fromkeys(column.person for column in columns if column.person and column.joint))
         layouts = [
             self._of_columns([each if each.person in ("", person) else Column("") for each in columns])

@@ -92,6 +92,34 @@ def test_performers_may_have_columns_of_their_own(read):
         np.testing.assert_allclose(clip.times, np.arange(6) / 25)
 
 
+AXIS_NUMBERS = {
+    "{0}[0],{0}[1],{0}[2]": True,
+    "{0}_1,{0}_2,{0}_3": True,
+    "data.joints.{0}.crd[0],data.joints.{0}.crd[1],data.joints.{0}.crd[2],data.joints.{0}.unc[0]": False,
+    "{0},{0}.1,{0}.2": True,
+    "{0},{0},{0}": True,
+}
+"""Columns of a joint without x, y and z, and whether there are no others."""
+
+
+@pytest.mark.parametrize("columns", AXIS_NUMBERS)
+def test_numbers_may_stand_for_axes(read, columns):
+    lines = ["time," + ",".join(columns.format(joint) for joint in JOINTS)]
+    form = "{0},{1},{2}" if AXIS_NUMBERS[columns] else "{0},{1},{2},7"
+    lines += [",".join([f"{index / 25}", *row(pose, form)]) for index, pose in enumerate(POSES)]
+    [clip] = read(table, lines)
+    close(clip)
+    np.testing.assert_allclose(clip.times, np.arange(6) / 25)
+
+
+@pytest.mark.parametrize("form", ["{0},{1},0.9", "{0},{1},{2},1"])
+def test_scores_and_quaternions_are_no_third_axis(form):
+    columns = "{0}[0],{0}[1],{0}[2],{0}[3]" if form.endswith(",1") else "{0}[0],{0}[1],{0}[2]"
+    lines = ["time," + ",".join(columns.format(joint) for joint in JOINTS)]
+    lines += [",".join([f"{index / 25}", *row(pose, form)]) for index, pose in enumerate(POSES)]
+    assert not table.matches("\n".join(lines).encode())
+
+
 @pytest.mark.parametrize(("ids", "users"), [(("1", "01"), [0, 1]), (("1", "x"), [0, 1]), (("07", "9"), [7, 9])])
 def test_people_have_the_numbers_of_the_file_if_these_are_distinct(read, ids, users):
     lines = ["frame,person," + ",".join(f"{joint}.{axis}" for joint in JOINTS for axis in "xyz")]

@@ -188,8 +188,8 @@ def _hierarchy(lines: _Lines) -> tuple[list[Node], bool]:
     nodes: list[Node] = []
     parents: list[int] = []
     while True:
-        if nodes and not parents and not lines.next_word():
-            return nodes, False
+        if nodes and not parents and ((word := lines.next_word()) == "" or word.startswith("FRAME")):
+            return nodes, word != ""  # some files lack the word MOTION
         line = lines.take("the rest of the hierarchy")
         word, name = _keyword(line)
         if word == "}" and parents:

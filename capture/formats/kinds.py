@@ -7,7 +7,7 @@ from pathlib import Path
 from capture.formats._files import HEAD_BYTES, opened
 from capture.formats._json import load
 from capture.formats._rows import whole_lines
-from capture.formats._table import EXPORT, Table
+from capture.formats._table import EXPORT, IN_SPACE, Table
 from capture.formats.options import ReadOptions
 from puppetline.errors import SkeletonLogError
 
@@ -77,12 +77,26 @@ def _describe(path: Path, head: bytes) -> tuple[str, str]:
         return "a binary file of an unknown kind", EXPORT
     if head.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] in (b"{", b"["):
         return _json(path), "Export x, y and z of the joints in each frame, with their names."
+    if path.suffix.lower() == ".bvh" or re.match(rb"\s*motion\s+frames", head, re.IGNORECASE):
+        return "a BVH without its skeleton", "Copy the whole file: it begins with the word HIERARCHY."
+    if cell := re.search(rb"\[\s*\[[^\[\]]+\](?:\s*,\s*\[[^\[\]]+\])+\s*\]", head):
+        return _points_of_a_cell(cell[0])
     try:
         _ = Table(path, whole_lines(head), ReadOptions()).layouts
     except SkeletonLogError as error:
         is_table = error.where == str(path)  # otherwise a line differs from the others
         return (error.found, error.fix) if is_table else ("text that is no table", EXPORT)
     return "a table of positions that are no person's", EXPORT
+
+
+def _points_of_a_cell(cell: bytes) -> tuple[str, str]:
+    points = [re.findall(rb"[^\[\],\s]+", point) for point in re.findall(rb"\[([^\[\]]+)\]", cell)]
+    found = f"a table with {len(points)} × {len(points[0])} numbers in one cell"
+    if len(points[0]) == 2:
+        return f"{found}: positions in a picture", IN_SPACE
+    if len(points[0]) == 3 and all(re.fullmatch(rb"0?\.\d+|[01](\.0*)?", point[-1]) for point in points):
+        return f"{found}, the third a score: positions in a picture", IN_SPACE
+    return found, "Write x, y and z of each joint into columns of their own, with their names."
 
 
 def _is_binary(head: bytes) -> bool:

@@ -68,6 +68,7 @@ WHOLE = "".join(f"{line}\n" for line in ["HIERARCHY", *hierarchy(BODY), *motion(
         {"}\n": "} \n\n\t"},
         {"{\n\t": "{ ", "\n}\n": " }\n"},
         {"\n{": " {", " ": "\t", "Frame\tTime": "Frame Time", "\n": "\r\n", "HIERARCHY": "\ufeffHIERARCHY"},
+        {"MOTION\n": ""},
     ],
 )
 def test_names_keywords_and_spaces_of_other_programs_make_the_same_clip_without_a_note(

@@ -34,6 +34,10 @@ CONTENTS = {
     + 9 * (b"1.5," * 24 + b"\n"),
     "in a picture": b'"(12, 45)","(13, 46)","(14, 47)"\n' * 9,
     "in a picture ": b"0,1,2\n" + b'"[0.1, 0.2]","[0.2, 0.3]","[0.3, 0.4]"\n' * 9,
+    "BVH without its skeleton": b"MOTION\nFrames: 9\nFrame Time: 0.04\n" + 9 * b"0 0 0 1.5\n",
+    "17 × 3 numbers in one cell, the third a score: positions in a picture": b"frame,keypoints\n"
+    + 9 * (b'0,"[' + b", ".join([b"[0.38, 0.46, 0.04]"] * 17) + b']"\n'),
+    "17 × 3 numbers in one cell": b"frame,keypoints\n" + 9 * (b'0,"[' + b", ".join([b"[1, 2, -3]"] * 17) + b']"\n'),
     "commas both in numbers and between them": b"Head,-0,16274,0,4911776,2,89635\n" * 9,
 }
 
@@ -47,6 +51,13 @@ def test_the_content_tells_the_kind(tmp_path, kind):
     assert kind.strip() in caught.value.found
     assert "elbow" in kind or "elbow" not in caught.value.found
     assert str(caught.value) == str(refusal(path))
+
+
+def test_numbers_in_a_file_with_the_name_of_a_bvh_are_its_motion(tmp_path):
+    path = tmp_path / "take.BVH"
+    path.write_text(9 * f"{' '.join(['1.5'] * 96)}\n")
+    with pytest.raises(SkeletonLogError, match=r"BVH without its skeleton.* begins with the word HIERARCHY"):
+        read_log(path)
 
 
 @pytest.mark.parametrize(

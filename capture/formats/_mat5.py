@@ -24,7 +24,8 @@ ARRAY_TYPE, COMPRESSED_TYPE = 14, 15
 NUMBER_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 """NumPy names of the types in which numbers are stored; a stored type may be smaller than the array's own type."""
 NUMBER_CLASSES = range(6, 16)
-"""Array classes of double, single and integers; lower classes are cells, structures, objects, text, sparse arrays."""
+OTHER_CLASSES = {1: "cells", 2: "structure", 3: "object", 4: "text", 5: "sparse matrix"}
+"""Array classes of double, single and integers, and what arrays of the other classes hold."""
 COMPLEX_FLAG = 0x800
 MAX_ARRAY_HEAD_BYTES = 4096
 """Number of bytes of an array's element that are decompressed to read its flags, dimensions and name."""
@@ -44,8 +45,8 @@ class Variable:
     ----------
     shape : tuple of int
         Dimensions as the file states them, unchecked.
-    is_real : bool
-        Whether the array holds real numbers, as opposed to text, cells or complex numbers.
+    kind : str
+        "numbers", or what the array holds instead of real numbers.
     content : memoryview
         Content of the array's element.
     compressed : bool
@@ -55,10 +56,30 @@ class Variable:
     """
 
     shape: tuple[int, ...]
-    is_real: bool
+    kind: str
     content: memoryview
     compressed: bool
     order: Order
+
+    def description(self) -> str:
+        """Return what the array holds, and the names of a structure's fields.
+
+        Raises
+        ------
+        Mat5Error
+            The array is larger than 64 MiB or incomplete.
+        """
+        if self.kind != "structure":
+            return self.kind
+        *_, rest = _array_head(self._array(), self.order)
+        _, length, rest = _split_element(rest, self.order)
+        _, names, _ = _split_element(rest, self.order)
+        size = int.from_bytes(length, "little" if self.order == "<" else "big") or 1
+        fields = [bytes(names[k : k + size]).split(b"\0")[0].decode("latin-1") for k in range(0, len(names), size)]
+        return f"structure of {', '.join(fields[:12])}{' …' if len(fields) > 12 else ''}"
+
+    def _array(self) -> memoryview:
+        return _decompressed(self.content, self.order, MAX_ARRAY_BYTES) if self.compressed else self.content
 
     def numbers(self) -> NDArray[np.float64]:
         """Read the array.
@@ -68,8 +89,7 @@ class Variable:
         Mat5Error
             The array is larger than 64 MiB or incomplete.
         """
-        array = _decompressed(self.content, self.order, MAX_ARRAY_BYTES) if self.compressed else self.content
-        *_, rest = _array_head(array, self.order)
+        *_, rest = _array_head(self._array(), self.order)
         kind, stored, _ = _split_element(rest, self.order)
         if kind not in NUMBER_TYPES or len(stored) != np.dtype(NUMBER_TYPES[kind]).itemsize * prod(self.shape):
             raise Mat5Error(f"an array of {' × '.join(map(str, self.shape))} is incomplete")
@@ -97,8 +117,10 @@ def variables(data: bytes) -> dict[str, Variable]:
         compressed = kind == COMPRESSED_TYPE
         head = _decompressed(content, order, MAX_ARRAY_HEAD_BYTES) if compressed else content
         flags, shape, name, _ = _array_head(head, order)
-        is_real = flags & 0xFF in NUMBER_CLASSES and not flags & COMPLEX_FLAG
-        found[name] = Variable(shape, is_real, content, compressed, order)
+        what = OTHER_CLASSES.get(flags & 0xFF, "unknown data")
+        if flags & 0xFF in NUMBER_CLASSES:
+            what = "complex numbers" if flags & COMPLEX_FLAG else "numbers"
+        found[name] = Variable(shape, what, content, compressed, order)
     return found
 
 

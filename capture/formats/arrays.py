@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from capture.clip import SkeletonClip
 from capture.formats import smpl
 from capture.formats._files import opened
-from capture.formats._mat5 import variables
+from capture.formats._mat5 import Variable, variables
 from capture.formats.joint_sets import Fit, clearest, fits
 from capture.formats.layouts import JOINT_SETS
 from capture.formats.options import ReadOptions
@@ -103,7 +103,10 @@ def load(path: Path) -> Arrays:
                 arrays = {name: each for name in loaded.files if (each := _numeric(loaded, name)) is not None}
                 return arrays or {name: loaded[name] for name in loaded.files}
         with opened(path) as file:
-            return {name: each.numbers() for name, each in variables(file.read()).items() if each.is_real}
+            found = variables(file.read())
+        if not any(each.kind == "numbers" for each in found.values()):
+            _refuse_variables(path, found)
+        return {name: each.numbers() for name, each in found.items() if each.kind == "numbers"}
     except SkeletonLogError:
         raise
     except Exception as error:  # NumPy raises errors of any kind for a damaged file
@@ -118,6 +121,16 @@ def load(path: Path) -> Arrays:
             if is_object
             else "Save it again from where it was written; MATLAB: save -v7.",
         ) from error
+
+
+def _refuse_variables(path: Path, found: Mapping[str, Variable]) -> NoReturn:
+    listed = "; ".join(f"{name} ({each.description()})" for name, each in list(found.items())[:4])
+    raise SkeletonLogError(
+        path,
+        found=f"MATLAB variables without arrays of numbers: {listed}{'; …' if len(found) > 4 else ''}",
+        expected="an array of a person's joints, frames × joints × 3",
+        fix="In MATLAB, save the positions themselves: joints = take.data; save('joints.mat', 'joints', '-v7').",
+    )
 
 
 def _numeric(loaded: "np.lib.npyio.NpzFile", name: str) -> NDArray[np.generic] | None:
@@ -183,11 +196,6 @@ def describe(arrays: Arrays) -> str:
 def _refuse(path: Path, arrays: Arrays, options: ReadOptions) -> NoReturn:
     shapes = [np.squeeze(array).shape for array in arrays.values()]
     found, fix = describe(arrays), ""
-    if not arrays:
-        found, fix = (
-            "a file of structures, cells or texts, without arrays of numbers",
-            "Save the array of joints itself.",
-        )
     if any(len(shape) > 1 and shape[-1] == 2 for shape in shapes):
         found, fix = f"{found}, positions in a picture (2D)", "Use positions in space, or the video itself."
     elif any(shape[-1:] == (263,) for shape in shapes):

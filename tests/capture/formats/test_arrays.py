@@ -49,6 +49,14 @@ def test_matlab_files_and_a_rate_in_the_file(read, tmp_path):
     assert clip.times[3] == 0.05
 
 
+def test_the_variables_of_a_matlab_file_without_arrays_are_named(read, tmp_path):
+    for do_compression in (False, True):
+        take = {"data": person().reshape(6, -1), "freq": 120.0}
+        savemat(tmp_path / "take.mat", {"walk1": take, "author": "x"}, do_compression=do_compression)
+        with pytest.raises(SkeletonLogError, match=r"walk1 \(structure of data, freq\); author \(text\)"):
+            read(arrays, (tmp_path / "take.mat").read_bytes())
+
+
 def test_smpl_parameters_turn_the_bones(read):
     poses = np.zeros((5, 52, 3))
     poses[:, 16] = [0, 0, -np.pi / 2]  # the left arm hangs

@@ -54,13 +54,13 @@ def test_reads_big_endian_files():
 
 def test_arrays_without_real_numbers_are_distinguished(tmp_path):
     path = tmp_path / "take.mat"
-    savemat(path, {"text": "abc", "complex": np.array([1j]), "structure": {"a": 1}, "real": 1.0})
+    savemat(path, {"text": "abc", "complex": np.array([1j]), "structure": {"a": 1, "second": 2}, "real": 1.0})
     found = variables(path.read_bytes())
-    assert {name: variable.is_real for name, variable in found.items()} == {
-        "text": False,
-        "complex": False,
-        "structure": False,
-        "real": True,
+    assert {name: variable.description() for name, variable in found.items()} == {
+        "text": "text",
+        "complex": "complex numbers",
+        "structure": "structure of a, second",
+        "real": "numbers",
     }
 
 

@@ -14,6 +14,7 @@ from ...effort import EFFORT
 from .random_tables import judge
 from .test_positions import BLAZEPOSE, joints_as, person
 
+LIMBS = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
 POSES, RIGHT = person(6), np.array([1.0, 0, 0])
 
 
@@ -110,6 +111,16 @@ def test_numbers_may_stand_for_axes(read, columns):
     [clip] = read(table, lines)
     close(clip)
     np.testing.assert_allclose(clip.times, np.arange(6) / 25)
+
+
+def test_names_of_joints_may_have_three_letters(read):
+    names = {f"{joint}_{side}": f"{joint[:3]}{side[0]}".upper() for side in ("left", "right") for joint in LIMBS}
+    names |= {"head": "NOS", "shoulder_center": "NEC"}
+    lines = [",".join(f"{name}.{axis}" for name in names.values() for axis in "xyz")]
+    lines += [",".join(row(pose, "{0},{1},{2}", names)) for pose in POSES]
+    [clip] = read(table, lines)
+    known = [JOINT_INDEX[joint] for joint in names]
+    np.testing.assert_allclose(clip.positions[:, known], POSES[:, known], atol=1e-6)
 
 
 @pytest.mark.parametrize("form", ["{0},{1},0.9", "{0},{1},{2},1"])

@@ -246,11 +246,13 @@ class Table:
         return self._numbered_rows()
 
     def _numbered_rows(self) -> list[Layout]:
-        """Return the layout of rows that have a joint's number, which begins again at 0, before x, y and z."""
+        """Return the layout of rows that have a joint's number, which begins again at 0 or 1, before x, y and z."""
         for column in range(self.width - 3):
             numbers = [row[column] for row in self.cells.rows]
-            count = next((index for index, cell in enumerate(numbers) if index and cell == "0"), 0)
-            is_joint = count > 4 and all(cell == str(index % count) for index, cell in enumerate(numbers[: 3 * count]))
+            first = int(numbers[0] == "1")
+            count = next((index for index, cell in enumerate(numbers) if index and cell == str(first)), 0)
+            expected = (str(first + index % count) for index in range(3 * count))
+            is_joint = count > 4 and all(cell == each for cell, each in zip(numbers, expected, strict=False))
             if is_joint and all(number(row[column + 3]) is not None for row in self.cells.rows[:count]):
                 own = {axis: column + 1 + k for k, axis in enumerate(AXES)}
                 return [Layout({f"{UNNAMED}0": own}, {"joint": column} | ({"frame": column - 1} if column else {}))]

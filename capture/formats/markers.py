@@ -1,8 +1,8 @@
 """Markers on a body, as optical motion capture has them, and the joints between them.
 
-The markers are those of Plug-in Gait and of OpenSim's models, in several spellings. A joint is the mean of the markers
-on both sides of it, or a centre that a program has computed. The hips follow from the pelvis's markers: 0.36 of its
-width outwards, 0.19 backwards and 0.30 down from the middle of its front (Bell et al. 1990).
+The markers are those of Plug-in Gait, of CMU and of OpenSim's models, in several spellings. A joint is the mean of the
+markers on both sides of it, or a centre that a program has computed. The hips follow from the pelvis's markers: 0.36 of
+its width outwards, 0.19 backwards and 0.30 down from the middle of its front (Bell et al. 1990).
 """
 
 import re
@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 MARKERS = {
-    "front": "asi asis",
-    "back": "psi psis",
+    "front": "asi asis fwt",
+    "back": "psi psis bwt",
     "sacrum": "sacr vsac vsacral s2 sacrum",
     "hip": "hjc hipjoint",
     "knee": "kjc kneejoint",

@@ -61,10 +61,11 @@ def test_joints_lie_between_the_markers_on_both_sides_of_them(tmp_path, separato
     assert (clip.positions[:, JOINT_INDEX["head"], 1] > clip.positions[:, JOINT_INDEX["hip_center"], 1]).all()
 
 
-def test_hips_follow_from_the_pelvis(tmp_path):
+@pytest.mark.parametrize(("front", "back"), [("ASI", "PSI"), ("FWT", "BWT")])
+def test_hips_follow_from_the_pelvis(tmp_path, front, back):
     at = {name: place for name, place in body().items() if not name.endswith("HJC")}
     for sign, letter in ((-1, "L"), (1, "R")):
-        at |= {f"{letter}ASI": np.array([sign * 0.12, 0.0, -0.1]), f"{letter}PSI": np.array([sign * 0.05, 0.0, 0.08])}
+        at |= {letter + front: np.array([sign * 0.12, 0.0, -0.1]), letter + back: np.array([sign * 0.05, 0.0, 0.08])}
     (clip,) = read_log(trc(tmp_path / "a.trc", at), ReadOptions())
     hips = [clip.positions[0, JOINT_INDEX[f"hip_{side}"]] for side in ("left", "right")]
     assert np.linalg.norm(np.subtract(*hips)) == pytest.approx(2 * 0.36 * 0.24, abs=1e-6)

@@ -251,10 +251,11 @@ def test_a_single_point_is_no_performer(read):
         read(table, ["frame,x,y,z", *(f"{index},1,2,{index}" for index in range(9))])
 
 
-def test_rows_may_have_frame_and_number_of_a_joint_without_a_header(read):
+@pytest.mark.parametrize("first", [0, 1])
+def test_rows_may_have_frame_and_number_of_a_joint_without_a_header(read, first):
     points = joints_as(BLAZEPOSE)
     lines = [
-        f"{7 + frame},{joint},{x:.6f},{y:.6f},{z:.6f},down"
+        f"{7 + frame},{first + joint},{x:.6f},{y:.6f},{z:.6f},down"
         for frame, pose in enumerate(points)
         for joint, (x, y, z) in enumerate(pose)
     ]

@@ -18,7 +18,7 @@ random pose of each of 245 characters among those that are fitted, 47 % are whol
 
 import argparse
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,7 +27,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from benchmarks.limb_finding import CLASSES, FOLDS, MAX_AWAY_SHARE, bodies, class_of
+from benchmarks.limb_finding import CLASSES, MAX_AWAY_SHARE, bodies, class_of, folds
 from benchmarks.shape_ends import Measures, ShapeEnds
 from benchmarks.shape_plan import LABELS, Choice, Weights, choices, head_end, plan_measures
 from solver.anatomy.axes import unit_vector
@@ -128,15 +128,6 @@ def _partners(ends: Sequence[tuple[str, NDArray[np.float64]]], middle: float) ->
     return pairs
 
 
-def folds(makers: Iterable[str], count: int) -> dict[str, int]:
-    """Return the fold of each maker: the makers with most characters first, each into the smallest fold."""
-    sizes, found = [0] * count, dict[str, int]()
-    for maker, number in sorted(Counter(makers).items(), key=lambda each: (-each[1], each[0])):
-        found[maker] = sizes.index(min(sizes))
-        sizes[found[maker]] += number
-    return found
-
-
 def shares(chosen: Sequence[Example]) -> list[float]:
     """Return how much each character counts."""
     counts = Counter(each.maker for each in chosen)
@@ -235,8 +226,8 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("folder", type=Path)
     every = examples(parser.parse_args().folder)
-    fold, judged = folds((each.maker for each in every), FOLDS), []
-    for number in range(FOLDS):
+    fold, judged = folds(each.maker for each in every), []
+    for number in sorted(set(fold.values())):
         weights = fit([each for each in every if fold[each.maker] != number])
         judged += [(each.maker, *judge(each, weights)) for each in every if fold[each.maker] == number]
     whole, chance = np.array([right for _, right, _ in judged]), np.array([chance for *_, chance in judged])

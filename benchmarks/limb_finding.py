@@ -298,9 +298,9 @@ def class_of(name: str) -> str | None:
     return next((word for word in name.split() if word in CLASSES), None)
 
 
-def folds(makers: Iterable[str], number: int = FOLDS) -> dict[str, int]:
+def folds(makers: Iterable[str]) -> dict[str, int]:
     """Return the fold of each maker: the makers with most characters first, each into the smallest fold."""
-    sizes, found = [0] * number, dict[str, int]()
+    sizes, found = [0] * FOLDS, dict[str, int]()
     for maker, count in sorted(Counter(makers).items(), key=lambda each: (-each[1], each[0])):
         found[maker] = sizes.index(min(sizes))
         sizes[found[maker]] += count

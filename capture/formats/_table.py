@@ -34,7 +34,7 @@ MAX_EXTRA_COLUMNS = 3
 EXPORT = "Export the motion as BVH, or the positions of the joints as a table (CSV)."
 IN_SPACE = "Use the tracker's positions in space, or the video itself."
 NAME_COLUMNS = "Name the columns in the first line, or those of each joint in a file: --columns FILE."
-"""What to do with text that is no table, with positions in a picture, and with columns that are not understood."""
+"""What to do with text that is no table, with positions in an image, and with columns that are not understood."""
 
 WIDTHS = (3, 4, 7)
 """Numbers of a joint without a header: x y z, then a state or a quaternion."""
@@ -120,6 +120,7 @@ class Table:
     # What the columns are
 
     def _trc(self, header: str) -> list[Layout]:
+        """Return the layout of a TRC: a frame, a time, then x, y and z of each name in its header."""
         names = [name.strip() for name in re.split("[\t,]", header)[2:] if name.strip()]
         joints = {
             name: {axis: 2 + 3 * index + k for k, axis in enumerate(AXES)}

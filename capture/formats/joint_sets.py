@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.formats import picture
+from capture.formats import image_positions
 from capture.formats.layouts import JOINT_SETS
 from capture.formats.placement import bone_length
 from capture.formats.positions import select
@@ -28,7 +28,7 @@ MAX_MISFIT = 0.75
 """Largest misfit of a person; recordings of sensors have up to 0.7, wrong orders at least 1.0."""
 
 MAX_MISFITS = {"mediapipe": 1.6}
-"""The same for landmarks in pictures, whose depths are rough; no other set has as many joints."""
+"""The same for landmarks in images, whose depths are rough; no other set has as many joints."""
 
 MAX_CENTRE_SHARE = 0.6
 """Maximum distance of the centres of hips and shoulders from their joints, as a share of the trunk's length."""
@@ -65,7 +65,7 @@ def fits(positions: Floats, names: Sequence[str]) -> list[Fit]:
     found = []
     for name in names:
         points = select(Path(name), JOINT_SETS[name], sample).points
-        points = points * picture.unit_of(points)[0]
+        points = points * image_positions.unit_of(points)[0]
         with warnings.catch_warnings(action="ignore"):  # joints that are always lost
             misfit = _misfit(points)
         if misfit < MAX_MISFITS.get(name, MAX_MISFIT):
@@ -77,7 +77,7 @@ def _misfit(points: Floats) -> float:
     """Return how far points (T, 20, 3) are from a person: 0 for a typical one of constant size, infinite for none."""
     deviations = np.abs(np.log(bone_ratios(points)))
     lengths = np.array([bone_length(points, *bone) for bone in PARENTS.items()])
-    lengths = lengths / np.nanmean(lengths, axis=0)  # a picture's person changes in size
+    lengths = lengths / np.nanmean(lengths, axis=0)  # the person of an image changes in size
     means = np.nanmean(lengths, axis=1)
     spread = np.nanmedian(np.nanstd(lengths, axis=1) / means)
     uneven = np.nanmean(np.abs(np.log(means[_LEFT] / means[_RIGHT])))

@@ -117,14 +117,13 @@ def without_far_frames(path: Path, points: Floats, options: ReadOptions) -> tupl
     far = np.any(away, axis=(1, 2), keepdims=True)
     if not 0 < np.mean(far) < MAX_FAR_SHARE:
         return points, ()
-    note = (
-        f"In {np.count_nonzero(far)} of {len(far)} frames, the performer is more than {MAX_DISTANCE_METRES:g} m away."
-    )
-    return np.where(far, np.nan, points), (f"{note} These are omitted.",)
+    count = f"{np.count_nonzero(far)} of {len(far)} frames"
+    note = f"In {count}, the performer is more than {MAX_DISTANCE_METRES:g} m away. These are omitted."
+    return np.where(far, np.nan, points), (note,)
 
 
 def place(
-    path: Path, points: Floats, front: Floats, options: ReadOptions, *, by_sensor: bool = True, is_picture: bool = False
+    path: Path, points: Floats, front: Floats, options: ReadOptions, *, by_sensor: bool = True, in_image: bool = False
 ) -> Placement:
     """Find where a file's coordinates are in sensor coordinates.
 
@@ -140,8 +139,8 @@ def place(
         `up` and `unit` replace what is detected.
     by_sensor : bool
         Whether a sensor may have measured the positions, which then stay where they are.
-    is_picture : bool
-        Whether x and y are those of a picture, so that y is up or down.
+    in_image : bool
+        Whether x and y are those of an image, so that y is up or down.
 
     Raises
     ------
@@ -150,7 +149,7 @@ def place(
     """
     stature = _stature(path, points)
     unit, unit_note = _unit(stature, options)
-    up, up_note = _up(points, options, None if by_sensor else stature, is_picture=is_picture)
+    up, up_note = _up(points, options, None if by_sensor else stature, in_image=in_image)
     across = _across(points)
     notes: tuple[str, ...] = (unit_note, up_note)
     ahead = np.cross(up, across - np.outer(across @ up, up))
@@ -229,8 +228,11 @@ def _front_agreement(points: Floats, front: Floats, across: Floats) -> float:
     return sum(medians)
 
 
-def _up(points: Floats, options: ReadOptions, stature: float | None, *, is_picture: bool) -> tuple[Floats, str]:
-    """Return the unit vector that points up, and the note on it; without a stature, the floor is not known."""
+def _up(points: Floats, options: ReadOptions, stature: float | None, *, in_image: bool) -> tuple[Floats, str]:
+    """Return the unit vector that points up, and the note on it.
+
+    Without a stature, which is in units of the points, only the direction from feet to head counts, and no floor.
+    """
     if options.up is not None:
         return np.eye(3)["xyz".index(options.up)], f"Up is {options.up}, as given."
     ankles = (points[:, JOINT_INDEX["ankle_left"]] + points[:, JOINT_INDEX["ankle_right"]]) / 2
@@ -239,15 +241,14 @@ def _up(points: Floats, options: ReadOptions, stature: float | None, *, is_pictu
         with warnings.catch_warnings(action="ignore"):  # joints that are always lost
             way = np.nanmedian(points[:, JOINT_INDEX[upper]] - lower, axis=0)
             body += np.nan_to_num(way / np.linalg.norm(way))
-    axis = int((np.abs(body) * ([0.0, 1.0, 0.0] if is_picture else Y_PREFERENCE)).argmax())
+    axis = int((np.abs(body) * ([0.0, 1.0, 0.0] if in_image else Y_PREFERENCE)).argmax())
     sign = 1.0 if body[axis] > 0 else -1.0
     name = f"{'−' if sign < 0 else ''}{'xyz'[axis]}"
     if stature is not None and not _has_floor(sign * points[..., axis] / stature, 2.0):
         for other in (1, 2):  # a lying body
             if other != axis and _has_floor(points[..., other] / stature, 1.0):
-                return np.eye(3)[
-                    other
-                ], f"Up is assumed to be {'xyz'[other]}, from the floor at 0 on which the body lies."
+                note = f"Up is assumed to be {'xyz'[other]}, from the floor at 0 on which the body lies."
+                return np.eye(3)[other], note
     return sign * np.eye(3)[axis], f"Up is assumed to be {name}, the direction from feet to head."
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from capture.body import TYPICAL_BONE_METRES
 from capture.bone_names import find_bones, find_points
 from capture.clip import SkeletonClip
-from capture.formats import picture
+from capture.formats import image_positions
 from capture.formats.clips import DEFAULT_FPS, build_clip, frame_rate
 from capture.formats.markers import has_markers, joints_of_markers
 from capture.formats.options import ReadOptions
@@ -121,16 +121,16 @@ def clip_of_positions(
         names, positions, confidence = list(joints), np.stack(list(joints.values()), axis=1), None
         notes = (*notes, "The joints follow from the markers on both sides of them.")
     body = select(path, names, positions, confidence)
-    factors, image_note = picture.unit_of(body.points)
+    factors, image_note = image_positions.unit_of(body.points)
     if image_note:
         body = select(path, names, positions * factors, confidence)
     refuse_other_bodies(path, body.points)
     points, far_notes = without_far_frames(path, body.points, options)
-    where = place(path, points, body.front, options, is_picture=bool(image_note))
+    where = place(path, points, body.front, options, in_image=bool(image_note))
     if times is None:
         fps, rate_notes = frame_rate(options, DEFAULT_FPS)
         times, notes = np.arange(len(positions)) / fps, (*notes, *rate_notes)
-    notes = (*notes, *filter(None, [image_note]), *far_notes, *body.notes, *where.notes)
+    notes = (*notes, *((image_note,) if image_note else ()), *far_notes, *body.notes, *where.notes)
     confidence = np.where(np.isnan(points).any(axis=2), np.float32(LOST), body.confidence)
     return build_clip(path, log_format, times, where.apply(points), confidence, notes)
 

@@ -71,6 +71,8 @@ class Retargeting:
     ----------
     joints : (20, 3) float64
         Smoothed joints of the performer in the last frame, sensor coordinates, NaN for unknown joints.
+    has_cut : bool
+        Whether the performer cannot have moved from the frame before the last one to the last one.
     """
 
     def __init__(self, puppet: Puppet, mesh: SolverMesh, deformer: Deformer, rest: NDArray[np.float64]) -> None:
@@ -103,7 +105,7 @@ class Retargeting:
             self._floor = Floor(limbs.limbs, deformer.bones, mesh.vertices, owner, self._basis)
         self._now = deepcopy(self._first)
         self._last: SkeletonFrame | None = None  # in which a joint was known
-        self.has_cut = False  # between the last two frames
+        self.has_cut = False
 
     def _begin(self) -> None:
         """Follow the performer from the next frame on as from the first one; bones keep their axes."""

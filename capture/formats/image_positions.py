@@ -1,8 +1,8 @@
-"""Positions that trackers measure in a picture, in one unit.
+"""Positions that trackers measure in an image, in one unit.
 
-x and y are shares of the picture's width and height, or pixels, and z from the hips is a share of its width. The ratio
-of the picture's sides and the factor of the depths are those with which the body has the proportions of a typical one.
-A picture in pixels is the smallest common one that has the body in it.
+x and y are shares of the image's width and height, or pixels. z, the depth from the hips, is a share of its width. The
+ratio of the image's sides and the factor of the depths are those with which the body comes closest to the proportions
+of a typical one. For pixels, the image is the smallest common one that has the body in it.
 """
 
 import warnings
@@ -18,29 +18,30 @@ from capture.skeleton import JOINT_INDEX
 Floats = NDArray[np.float64]
 
 RATIOS = {"16:9": 16 / 9, "9:16": 9 / 16, "4:3": 4 / 3, "3:4": 3 / 4}
-"""Common ratios of a picture's width to its height, the most common ones first."""
+"""Common ratios of an image's width to its height, the most common ones first."""
 
 RARITY = 0.05
-"""What the body's proportions must differ less by for the next ratio to be chosen."""
+"""How much closer to a typical body's the proportions must be for a less common ratio to be chosen, for each step in
+`RATIOS`."""
 
 MAX_OUTSIDE = 2.0
-"""How far a body may be below a picture, in heights of it."""
+"""How far the feet may be below the image, in heights of it."""
 
 SIZES = ((640, 480), (480, 640), (1280, 720), (720, 1280), (1920, 1080), (1080, 1920), (3840, 2160), (2160, 3840))
-"""Common widths and heights of pictures, the smallest ones first."""
+"""Common widths and heights of images, the smallest ones first."""
 
 DEPTHS = (1.0, 0.5, 0.25)
-"""Factors of the depths in pictures, which trackers exaggerate."""
+"""Factors of the depths that are tried; trackers exaggerate them."""
 
 PIXEL_DEPTH_SHARE = 0.02
-"""Ratio of the extents of z and y below which y is in pixels if z is a share of the picture's width."""
+"""Ratio of the extents of z and y below which y is in pixels if z is a share of the image's width."""
 
 TYPICAL_WIDTHS_METRES = 0.6
 """Sum of the distances between the shoulders and between the hips of a typical person."""
 
 
 def unit_of(points: Floats) -> tuple[Floats, str]:
-    """Return the factors (3,) that give the positions in a picture one unit, and a note; no note for other positions.
+    """Return the factors (3,) that give positions in an image one unit, and a note; no note for other positions.
 
     Parameters
     ----------

@@ -41,6 +41,9 @@ MAX_NAME_LENGTH = 120
 MIN_CONVENTION_SHARE = 0.75
 """Minimum share of a convention's names that a skeleton has."""
 
+_PLACES = ("front", "back")
+"""Words in the names of parts of a character that say where they are: ``eye_left_front``."""
+
 _CORNERS = {f"{pair[0]}{side}": (pair, side) for pair in ("front", "back", "hind", "rear") for side in "lr"}
 """Words that say the pair and the side of a leg, such as `fl`."""
 
@@ -268,6 +271,10 @@ def _meaning(
     part, quarter = _WORDS.get(own), None
     for word, which in QUARTERS.items():
         rest = own.removeprefix(word).removesuffix(word)
-        if rest != own and side and part is None and _WORDS.get(rest) in (*LEG_PARTS, "shoulder"):
-            part, quarter = _WORDS[rest], which
+        if rest != own and part is None:
+            said = _WORDS.get(rest)
+            if side and said in (*LEG_PARTS, "shoulder"):
+                part, quarter = said, which
+            elif word in _PLACES:
+                part = said
     return JointMeaning(side, quarter, part) if part else None

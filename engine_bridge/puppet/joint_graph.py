@@ -14,7 +14,7 @@ from engine_bridge.puppet.skin_joints import Joint
 from solver.anatomy.body_graph import LABELS, BodyGraph
 
 ARM_PARTS = ("shoulder", "upperArm", "lowerArm", "hand", "palm", *FINGERS)
-FACE_PARTS = ("eye", "jaw")
+FACE_PARTS = ("eye", "jaw", "face")
 PARTS: dict[str, tuple[str, ...]] = {
     "head": ("neck", "head", *FACE_PARTS),
     "arm": ARM_PARTS,

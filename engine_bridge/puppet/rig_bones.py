@@ -47,8 +47,8 @@ class RigBones:
     shares : (j, b) float64
         Share of each bone's rotation in that of each joint. A row's sum is 1, or 0 for a joint that does not turn.
     placed : (j,) bool
-        Joints that move with their bones, because they have no parent or their parent belongs to another limb. All
-        others keep their translation from the file.
+        Joints that move with their bones, because they have no parent or their parent belongs to another limb; all
+        parts do, which need not turn at their origins. All others keep their translation from the file.
     missing : tuple of str
         Names of limbs without a joint.
     loose : tuple of str
@@ -90,6 +90,7 @@ def rig_bones(
        bone.
     3. A joint between a chain and a limb follows the bone on which the limb hangs. Any other child of a joint in a
        chain follows the bone next to it, and so do its descendants.
+       A part hangs on the part that `part_joints` finds, and follows its bone.
     4. A target of inverse kinematics has the top of the skeleton as its parent, or no parent, and is on a limb beyond
        its first bone; it follows the bone there. Meshes without a joint follow the bone nearest to their middle.
 
@@ -258,18 +259,20 @@ class _BoneAssignment:
                 self._assign_path(self.polylines[name], path[path.index(first) :: -1] if first in path else [end])
         for path in self._trunk_paths():
             self._assign_path(self.trunk, path)
-        for row in range(len(self.skeleton)):
-            if row not in self.stretches:
+        for row in sorted(range(len(self.skeleton)), key=lambda row: len(self.skeleton.paths_to_top[row])):
+            parent = self.skeleton.parents[row]
+            if row not in self.stretches and self.skeleton.of_parts and parent >= 0:
+                self.shares[row] = self.shares[parent]
+            elif row not in self.stretches:
                 self.shares[row] = self._shares_beside(row)
-        parents = np.array(self.skeleton.parents, dtype=np.int64)
         return RigBones(
             nodes=np.array(self.skeleton.nodes, dtype=np.int64),
-            parents=parents,
+            parents=np.array(self.skeleton.above, dtype=np.int64),
             shares=self.shares,
             placed=np.array(
                 [
-                    parent < 0 or row in self.placed or not self._joined(row, parent)
-                    for row, parent in enumerate(parents)
+                    self.skeleton.of_parts or parent < 0 or row in self.placed or not self._joined(row, parent)
+                    for row, parent in enumerate(self.skeleton.parents)
                 ]
             ),
             missing=tuple(name for name in self.polylines if name != TRUNK and name not in self.firsts.values()),

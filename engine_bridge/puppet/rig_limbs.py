@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from engine_bridge.character.character import Character
 from engine_bridge.puppet.joint_graph import JointGraph, joint_graph
+from engine_bridge.puppet.part_joints import are_nested, part_joints, without_ornaments
 from engine_bridge.puppet.skin_joints import Joint, joints_of
 from solver.anatomy.body_decision import Body, decide, load_weights
 from solver.anatomy.body_graph import LABELS, Pair
@@ -30,7 +31,7 @@ MAX_HAND_HEIGHT_SHARE = 0.3
 MIN_LEG_BONE_SHARE = 0.08
 """Minimum length of the bones of a leg below the third joint, as a share of the leg's length."""
 
-HEAD_PARTS = (None, "head", "ear", "eye", "jaw")
+HEAD_PARTS = (None, "head", "ear", "eye", "jaw", "face")
 """Parts below the head that count for its size; None for hair and the like."""
 
 MANY_PAIRS = 3
@@ -117,15 +118,18 @@ def rig_limbs(
     RigBody or None
         None if the file has no skeleton, or only parts whose names say nothing.
     """
-    joints = joints_of(character)
-    found = limbs_of_joints(joints, up, front) if joints else None
-    if found is not None and not found.limbs.chains and not character.document.gltf["skins"]:
-        return None  # names of mesh parts need not mean anything
-    return found
+    if character.joints:
+        return limbs_of_joints(joints_of(character), up, front)
+    parts = joints_of(character) if are_nested(character) else part_joints(character)
+    found = limbs_of_joints(without_ornaments(parts), up, front, rigid=True) if parts else None
+    return found if found and found.limbs.chains else None  # names of parts need not mean anything
 
 
 def limbs_of_joints(
-    joints: Sequence[Joint], up: NDArray[np.float64] | None = None, front: NDArray[np.float64] | None = None
+    joints: Sequence[Joint],
+    up: NDArray[np.float64] | None = None,
+    front: NDArray[np.float64] | None = None,
+    rigid: bool = False,
 ) -> RigBody:
     """Find the limbs of a skeleton.
 
@@ -137,6 +141,8 @@ def limbs_of_joints(
     joints : sequence of Joint
     up, front : (3,) float64, optional
         Known directions.
+    rigid : bool
+        Whether these are rigid parts: a single part of the trunk does not bend, and nothing is between it and a head.
     """
     some = ", ".join(dict.fromkeys(joint.name for joint in joints[:5]))
     unknown = Limbs((), (f"The skeleton has no limbs that are known ({some}, …); limbs are found from the shape.",))
@@ -144,7 +150,7 @@ def limbs_of_joints(
     if graph is None:
         return RigBody(unknown, [])
     bodies = decide(graph.graph, load_weights("joints"), up, front)
-    reader = _LimbReader(graph, bodies[0][1])
+    reader = _LimbReader(graph, bodies[0][1], rigid)
     chains = tuple(
         LimbChain(name, chain.points, tuple(graph.joints[node].label for node in chain.nodes))
         for name, chain in reader.limbs().items()
@@ -155,7 +161,8 @@ def limbs_of_joints(
 class _LimbReader:
     """Places the points of limbs on the joints of the branches that were chosen."""
 
-    def __init__(self, graph: JointGraph, body: Body) -> None:
+    def __init__(self, graph: JointGraph, body: Body, rigid: bool) -> None:
+        self.rigid = rigid
         self.graph, self.joints, self.meanings, self.body = graph.graph, graph.joints, graph.meanings, body
 
     def limbs(self) -> dict[str, _Chain]:
@@ -380,6 +387,8 @@ class _LimbReader:
             return None
         middle = (low + high) / 2
         spine = [self.place(node) for node in np.flatnonzero(self.graph.votes[:, LABELS.index("trunk")]).tolist()]
+        if self.rigid and len(spine) < 2:
+            return _Chain(np.array([low, high]))
         nearest = min(spine, key=lambda place: float(np.linalg.norm(place - middle)), default=middle)
         if np.linalg.norm(nearest - middle) > np.linalg.norm(high - low) / 4:
             nearest = middle
@@ -412,6 +421,8 @@ class _LimbReader:
         root, start = self.place(own), self.place(necks[0]) if necks else trunk.points[-1]
         if carrying & set(necks):
             start, necks = root, []  # the neck carries the arms, as a trunk does
+        if self.rigid and not necks:
+            start = root
         tip = self.end(start, root, [node for node in self.graph.subtrees[own] if self.part(node) in HEAD_PARTS])
         length = trunk.points[-1] - trunk.points[0]
         if (root - start) @ length < 0:

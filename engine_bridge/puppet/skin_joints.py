@@ -49,11 +49,7 @@ def joints_of(character: Character) -> list[Joint]:
     """
     document = character.document
     gltf = document.gltf
-    nodes = sorted(character.joints)
-    if not nodes:
-        nodes = [index for index, node in enumerate(gltf["nodes"]) if node.get("name")]
-        if len(character.parts) < 2:
-            return []
+    nodes = sorted(character.joints) or [index for index, node in enumerate(gltf["nodes"]) if node.get("name")]
     vrm = _vrm_names(document)
     parents = {child: index for index, node in enumerate(gltf["nodes"]) for child in node.get("children", [])}
     number = {node: index for index, node in enumerate(nodes)}

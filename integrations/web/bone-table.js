@@ -141,6 +141,7 @@ export const TABLE = {
     "head": "head skull 頭",
     "jaw": "jaw jawroot mandible chin lowermouth mouthlower lowerjaw jawlower あご 顎",
     "eye": "eye eyes 目",
+    "face": "face nose mouth muzzle snout beak bill",
     "ear": "ear ears 耳",
     "shoulder": "shoulder sho clavicle collar collarbone scapula 肩",
     "upperArm": "arm upperarm armupper uparm uarm shldr humerus 腕",
@@ -150,7 +151,7 @@ export const TABLE = {
     "upperLeg": "upperleg legupper upleg thigh femur もも",
     "lowerLeg": "lowerleg leglower lowleg loleg calf shin knee kne tibia fibula ひざ 膝",
     "leg": "leg midleg 足",
-    "foot": "foot feet footback ankle talus paw hoof 足首",
+    "foot": "foot feet footback ankle talus paw hoof shoe boot 足首",
     "toes": "toe toes toebase ball bigtoe つま先",
     "tail": "tail 尻尾",
     "wing": "wing feather fin flipper topflipper midflipper bottomflipper 翼 羽"
@@ -162,7 +163,7 @@ export const TABLE = {
     "ring": "ring finger.3 薬指",
     "little": "little pinky pinkie finger.4 小指"
   },
-  "decoration": "b c j m mixamorig def cc base bip valve biped bn bone bend",
+  "decoration": "b c j m mixamorig def cc base bip valve biped bn bone bend col",
   "controls": "ik fk pole target ctrl control mch org twist roll heel end nub helper",
   "sharedWordShare": 0.75,
   "minSharingJoints": 5

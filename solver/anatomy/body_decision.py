@@ -302,7 +302,7 @@ class View:
         """Return the body with the best labels."""
         singles = np.array([self.single_measures[:, k] @ weights[label] for k, label in enumerate(SINGLE_LABELS)]).T
         best: tuple[float, int, int, list[str | None]] = (-np.inf, -1, -1, [])
-        for head in [int(row) for row in np.argsort(-singles[:, 0])[:MAX_HEADS]] or [-1]:
+        for head in [row for row in np.argsort(-singles[:, 0])[:MAX_HEADS].tolist() if self._is_head(row)] or [-1]:
             tails = [row for row in range(len(singles)) if singles[row, 1] > 0 and self._is_tail(row, head)]
             tail = max(tails, key=lambda row: singles[row, 1], default=-1)
             measures = self.pair_measures(head)
@@ -329,6 +329,10 @@ class View:
         first = self.branches[row][0]
         return {*self.graph.subtrees[first]} if first else {first}
 
+    def _is_head(self, row: int) -> bool:
+        """Return whether the names on a branch do not say that it is something else."""
+        return bool(self.single_measures[row, 0, SINGLE_MEASURES.index("name")] > -1)
+
     def _is_tail(self, row: int, head: int) -> bool:
         """Return whether a branch can be the tail: no pair hangs on it, and it is apart from the head."""
         return not self.beyond(row) and not self._nodes(row) & self._nodes(head)
@@ -346,7 +350,9 @@ class View:
         elbows = -np.concatenate([np.zeros((0, 3)), *arms]) @ self.front
         marks, face = np.flatnonzero(graph.faces), 0.0
         if "head" in singles and len(marks):
-            ahead = graph.tips[marks].mean(axis=0) - graph.places[singles["head"]].mean(axis=0)
+            way = singles["head"]
+            named = [node for node in way if graph.votes[node, LABELS.index("head")] and not graph.faces[node]]
+            ahead = graph.tips[marks].mean(axis=0) - graph.places[named or way].mean(axis=0)
             face = float(np.clip(ahead @ self.front / (FACE_SHARE * graph.size), -1, 1))
         ends = {
             label: (graph.tips[way[-1]] @ self.front - middle[2]) / max(box[2], 1e-12) for label, way in singles.items()

@@ -216,7 +216,11 @@ def _mirroring(tree: "scipy.spatial.cKDTree", axis: int, diagonal: float) -> tup
 
 def sample(mesh: SolverMesh, count: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return points (count, 3) spread evenly over the surface, whatever the rotation of the mesh, and their faces."""
-    corners = mesh.vertices[mesh.faces]
+    return spread(mesh.vertices[mesh.faces], count)
+
+
+def spread(corners: NDArray[np.float64], count: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return points (count, 3) spread evenly over triangles with these corners (t, 3, 3), and the rows of theirs."""
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     up_to = np.cumsum(areas)
     number = np.arange(count)

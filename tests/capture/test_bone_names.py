@@ -59,6 +59,12 @@ def test_further_joints_are_the_parts_that_no_joint_is_named_after():
     assert find_bones(names) == {part: index for index, part in enumerate(parts)}
 
 
+def test_parts_of_a_character_may_say_where_they_are_and_how_they_collide():
+    names = ["eye_left_front", "tail_back", "left_arm-col.004", "muzzle_front", "hair_back"]
+    parts = [("left", "eye"), (None, "tail"), ("left", "upperArm"), (None, "face")]
+    assert joint_meanings(names) == [*(JointMeaning(side, None, part) for side, part in parts), None]
+
+
 def test_controls_count_where_vertices_follow_them():
     names = ["Foot_IK.L", "upperarm_twist_01_l", "HeadTop_End", "__Clavicle_L", "Bone.001"]
     assert joint_meanings(names) == [None] * 5

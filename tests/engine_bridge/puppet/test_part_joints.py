@@ -1,0 +1,156 @@
+"""Bodies of rigid parts: what hangs on what, where it turns, and that a clip keeps it together."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from engine_bridge.character.character import load_character
+from engine_bridge.puppet.limb_nodes import node_labels
+from engine_bridge.puppet.part_joints import are_nested, part_joints, without_ornaments
+from engine_bridge.puppet.rig_bones import rig_bones
+from engine_bridge.puppet.rig_limbs import rig_limbs
+from solver.motion.limbs import TRUNK, Limb
+
+from ..character.conftest import QUADS, VERTICES
+
+GIRL = """
+torso            0    1    0    0.5 0.5 0.3  -
+head             0    1.5  0    0.5 0.5 0.5  torso
+hair             0    1.7  0    0.6 0.2 0.6  head
+eye_left_front   0.1  1.55 0.25 0.1 0.1 0.05 head
+eye_right_front -0.1  1.55 0.25 0.1 0.1 0.05 head
+arm_left         0.31 1    0    0.1 0.5 0.1  torso
+arm_right       -0.31 1    0    0.1 0.5 0.1  torso
+hand_left        0.31 0.7  0    0.12 0.12 0.12 arm_left
+hand_right      -0.31 0.7  0    0.12 0.12 0.12 arm_right
+skirt            0    0.65 0    0.8 0.25 0.4 torso
+leg_left         0.13 0.35 0    0.1 0.6 0.1  torso
+leg_right       -0.13 0.35 0    0.1 0.6 0.1  torso
+shoe_left        0.13 0.04 0.05 0.14 0.08 0.3 leg_left
+shoe_right      -0.13 0.04 0.05 0.14 0.08 0.3 leg_right
+"""
+"""Boxes: name, middle, size, and the part on which each hangs. The skirt touches hands and legs as well."""
+
+COW = """
+wool        0    0.9  0    0.9 0.9 1.6  -
+Leg        -0.3  0.3  0.5  0.2 0.6 0.2  wool
+Leg.001     0.3  0.3  0.5  0.2 0.6 0.2  wool
+Leg.002    -0.3  0.3 -0.5  0.2 0.6 0.2  wool
+Leg.003     0.3  0.3 -0.5  0.2 0.6 0.2  wool
+Hoof       -0.3  0.03 0.5  0.22 0.06 0.22 Leg
+Hoof.001    0.3  0.03 0.5  0.22 0.06 0.22 Leg.001
+Hoof.002   -0.3  0.03 -0.5 0.22 0.06 0.22 Leg.002
+Hoof.003    0.3  0.03 -0.5 0.22 0.06 0.22 Leg.003
+head        0    1.3  0.9  0.4 0.4 0.5  wool
+tail        0    1.1 -1    0.1 0.1 0.5  wool
+"""
+
+
+def rows(table):
+    lines = [line.split() for line in table.strip().splitlines()]
+    return {name: (np.array(numbers, float), parent) for name, *numbers, parent in lines}
+
+
+@pytest.fixture
+def build(glb, tmp_path):
+    """A character of boxes side by side; `origins` are those of nodes, which are else in the middle of their part."""
+
+    def make(table, order=None, origins=()):
+        boxes = rows(table)
+        triangles = np.array([[a, *rest] for a, b, c, d in QUADS for rest in ((b, c), (c, d))])
+        top = glb.node(name="character")
+        for name in order or boxes:
+            numbers, _ = boxes[name]
+            origin = np.array(dict(origins).get(name, numbers[:3]))
+            corners = (VERTICES - 0.5) * numbers[3:] + numbers[:3] - origin
+            mesh = glb.mesh(glb.primitive(corners, triangles))
+            glb.node(mesh, parent=top, name=name, translation=origin.tolist())
+        return load_character(glb.save(tmp_path / "parts.glb"))
+
+    return make
+
+
+def hung(character):
+    """Return on which part each one hangs."""
+    joints = part_joints(character)
+    return {joint.name: joints[joint.parent].name if joint.parent >= 0 else "-" for joint in joints}
+
+
+@pytest.mark.parametrize("table", [GIRL, COW])
+@pytest.mark.parametrize("seed", [None, 1, 2])
+def test_parts_hang_on_what_they_touch_whatever_their_order(build, table, seed):
+    order = None if seed is None else np.random.default_rng(seed).permutation([*rows(table)]).tolist()
+    assert hung(build(table, order)) == {name: parent for name, (_, parent) in rows(table).items()}
+
+
+def test_slender_parts_turn_at_the_end_that_is_nearer_and_hanging_arms_at_the_upper_one(build):
+    places = {joint.name: joint.place for joint in part_joints(build(GIRL))}
+    for side, sign in (("left", 1), ("right", -1)):
+        assert_allclose(places[f"arm_{side}"], [0.31 * sign, 1 + 0.9 * 0.25, 0], atol=0.02)
+        assert_allclose(places[f"leg_{side}"], [0.13 * sign, 0.35 + 0.9 * 0.3, 0], atol=0.02)
+
+
+def test_an_origin_toward_the_body_is_where_a_part_turns(build):
+    shoulder, sole = [0.26, 1.2, 0.01], [0.13, 0.05, 0]
+    joints = part_joints(build(GIRL, origins={"arm_left": shoulder, "leg_left": sole}))
+    places = {joint.name: joint.place for joint in joints}
+    assert_allclose(places["arm_left"], shoulder, atol=1e-6)
+    assert places["leg_left"][1] > 0.5, "an origin at the sole is away from the body"
+
+
+def test_limbs_are_found_from_parts(build):
+    found = rig_limbs(build(GIRL))
+    assert list(found.limbs.points) == [TRUNK, "head", "left arm", "right arm", "left leg", "right leg"]
+    assert (found.bodies[0][1].up @ [0, 1, 0], found.bodies[0][1].front @ [0, 0, 1]) == (1, 1)
+    assert len(found.limbs.points[TRUNK]) == 2, "one part does not bend"
+
+
+def test_four_legs_of_the_same_name_are_told_by_where_they_are(build):
+    legs = [f"{side} {row} leg" for row in ("front", "hind") for side in ("left", "right")]
+    assert [name for name in rig_limbs(build(COW)).limbs.points if "leg" in name] == legs
+
+
+def test_ornaments_are_no_limbs_if_names_say_what_the_others_are(build):
+    named = [joint.name for joint in without_ornaments(part_joints(build(GIRL)))]
+    assert set(rows(GIRL)) - set(named) == {"hair", "skirt"}
+
+
+def test_names_that_say_nothing_leave_all_parts(build):
+    assert len(without_ornaments(part_joints(build("a 0 0 0 1 1 1 -\nb 1 0 0 1 1 1 a")))) == 2
+
+
+def test_in_a_clip_every_part_follows_the_part_that_it_hangs_on(build):
+    character = build(GIRL)
+    found = rig_limbs(character)
+    limbs = [
+        Limb(c.name, c.points, ((),) * len(c.points), parent=None if c.name == TRUNK else TRUNK)
+        for c in found.limbs.chains
+    ]
+    labels = node_labels(character.document)
+    nodes = {chain.name: [labels.index(label) for label in chain.nodes] for chain in found.limbs.chains}
+    bones = rig_bones(character, limbs, nodes)
+    shares = {labels[node]: tuple(row) for node, row in zip(bones.nodes, bones.shares, strict=True)}
+    for part, carrier in (("hair", "head"), ("eye_left_front", "head"), ("skirt", "torso")):
+        assert shares[part] == shares[carrier]
+    assert bones.placed.all(), "parts need not turn at their origins"
+    assert len({shares[name] for name in ("torso", "head", "arm_left", "arm_right", "leg_left", "leg_right")}) == 6
+
+
+def test_nested_parts_hang_as_the_file_says(glb, build, tmp_path):
+    assert not are_nested(build(GIRL))
+    mesh, parent = glb.mesh(glb.primitive(VERTICES, np.array([[0, 1, 2]]))), None
+    for name in ("body", "arm", "hand"):
+        parent = glb.node(mesh, parent=parent, name=name)
+    assert are_nested(load_character(glb.save(tmp_path / "nested.glb")))
+
+
+def test_a_part_has_the_name_of_a_node_that_holds_nothing_else(glb, tmp_path):
+    mesh = glb.mesh(glb.primitive(VERTICES, np.array([[0, 1, 2], [4, 6, 5], [0, 2, 4], [1, 5, 3]])))
+    for name in ("body", "arm_left", "arm_right"):
+        glb.node(mesh, parent=glb.node(name=name), name="Object_7")
+    names = {joint.name for joint in part_joints(load_character(glb.save(tmp_path / "named.glb")))}
+    assert names == {"body", "arm_left", "arm_right"}
+
+
+def test_a_single_part_has_no_joint(blob_file):
+    assert part_joints(load_character(blob_file)) == []

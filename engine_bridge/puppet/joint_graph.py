@@ -34,6 +34,9 @@ MAX_CONTACT_VERTICES = 400
 NEAR_SHARE = 0.05
 """Maximum distance between a joint and its parent that are near each other, as a share of the body's size."""
 
+SAME_SHARE = 0.002
+"""Maximum distance of joints at one place, as a share of the body's size."""
+
 END_RATIO = 0.5
 """Maximum distance of a foot from the last joint of its leg, as a share of that from joints that have others below
 them."""
@@ -157,12 +160,16 @@ def _hang(joints: Sequence[Joint], meanings: Sequence[JointMeaning | None], pare
         side, label = sides[tops[top]], labels[tops[top]]
         allowed = {
             index
-            for index in held
-            if group_of[index] != own
+            for index in parents
+            if group_of.get(index) != own
             and side * sides[index] >= 0
             and labels[index] in (None, "trunk", label or labels[index])
         }
-        if top == main or near or not allowed:
+        same = [each for each in allowed if np.allclose(joints[each].place, joints[top].place, 0, SAME_SHARE * size)]
+        if parent < 0 and top != main and same:
+            parents[top] = same[0]
+        allowed &= held.keys()
+        if top == main or near or parents[top] != parent or not allowed:
             continue
         ends = [
             index for index in allowed.difference(parents.values()) if _is_end(meanings[tops[top]], meanings[index])

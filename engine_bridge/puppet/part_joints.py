@@ -201,7 +201,7 @@ def _names(character: Character, nodes: Sequence[int]) -> list[str]:
 
 
 def _may_hang(one: JointMeaning | None, other: JointMeaning | None, near: bool) -> bool:
-    """Return whether the names of two parts allow that one hangs on the other: of limbs, only near parts of the same."""
+    """Return whether names allow that a part hangs on another: of limbs, only near parts of the same one."""
     if one is None or other is None:
         return True
     labels = {LABEL_OF.get(one.part), LABEL_OF.get(other.part)}

@@ -34,6 +34,10 @@ MIN_LEG_BONE_SHARE = 0.08
 HEAD_PARTS = (None, "head", "ear", "eye", "jaw", "face")
 """Parts below the head that count for its size; None for hair and the like."""
 
+MAX_WITHIN_SHARE = 0.05
+"""Maximum distance from the trunk of the joint of a head that is within it, as a share of the trunk's length; the head
+then begins where the trunk ends."""
+
 MANY_PAIRS = 3
 """Number of pairs of legs from which they are rows."""
 
@@ -425,8 +429,10 @@ class _LimbReader:
             start = root
         tip = self.end(start, root, [node for node in self.graph.subtrees[own] if self.part(node) in HEAD_PARTS])
         length = trunk.points[-1] - trunk.points[0]
-        if (root - start) @ length < 0:
-            start, necks = root, []  # it begins behind the front legs
+        if (root - start) @ length < 0:  # it begins behind the front legs
+            within = distance_from_segment(root, trunk.points[0], trunk.points[-1])
+            root = start if within < MAX_WITHIN_SHARE * np.linalg.norm(length) else root
+            start, necks = root, []
         if not with_neck or np.linalg.norm(root - start) < MIN_NECK_SHARE * np.linalg.norm(length):
             return {"head": _Chain(np.array([start, tip]), [*necks, own])}
         points = np.array([start, *(self.place(node) for node in necks[1:]), root])

@@ -296,12 +296,21 @@ class LimbBranches(LimbEnds):
                 alike = (
                     self.mirror_distance(self.cells[one.cells[0]], self.cells[other.cells[0]]) < MAX_MIRROR_DISTANCE / 2
                 )
-                below = all(self.shoulder_place(branch) < self.chin for branch in (one, other))
+                below = all(self.shoulder_place(branch) < self._wings_end for branch in (one, other))
                 places = [self.place(int(branch.cells[0])) for branch in (one, other)]
                 below &= all(abs(left) > MAX_SINGLE_OFFSET and up > MAX_FOOT_HEIGHT for left, up, _ in places)
                 if shortest > MIN_WING_LENGTH and alike and below:
                     pairs.append((shortest, (one, other) if self._aside(one) > self._aside(other) else (other, one)))
         return max(pairs, key=lambda pair: pair[0], default=(0.0, None))[1]
+
+    @cached_property
+    def _wings_end(self) -> float:
+        """Distance along the trunk's curve before which wings begin: the middle of the neck of a body on four legs."""
+        if not self.four_legged:
+            return self.chin
+        roots = [leg[0] for name, leg in self.legs.items() if name.endswith(self.leg_names[-1])]
+        shoulders = np.linalg.norm(self.trunk.points - np.mean(roots, axis=0), axis=1).argmin()
+        return float((self.trunk.along[shoulders] + self.chin) / 2)
 
     def sides(self, limb: str, pair: Sequence[Points]) -> dict[str, Points]:
         """Return a left and a right limb by name; limbs that nearly mirror each other are made equal."""

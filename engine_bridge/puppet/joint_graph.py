@@ -47,9 +47,6 @@ INNER_SHARE = 0.2
 END_PARTS = ("foot", "toes", "hand", "palm")
 """Parts at the ends of legs and arms."""
 
-UNWEIGHTED = "neutral_bone"
-"""Name of the joint that Blender's glTF exporter adds for vertices without weights; it is no part of the body."""
-
 BARE_SHARE = 0.005
 """Maximum share of vertices that follow a joint that moves nothing of its own: a root may have a few by mistake."""
 
@@ -77,7 +74,7 @@ def joint_graph(joints: Sequence[Joint]) -> JointGraph | None:
     Joints without vertices below them are dropped, if others have vertices. Parents may follow their children.
     """
     meanings = joint_meanings([joint.name for joint in joints], [len(joint.vertices) > 0 for joint in joints])
-    holds = np.array([len(joint.vertices) > 0 and joint.name != UNWEIGHTED for joint in joints], dtype=bool)
+    holds = np.array([len(joint.vertices) > 0 for joint in joints], dtype=bool)
     if not holds.any():
         holds = np.array([not is_control(joint.name) for joint in joints], dtype=bool)
     if not holds.any():

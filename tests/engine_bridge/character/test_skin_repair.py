@@ -56,6 +56,24 @@ def test_a_vertex_without_valid_weights_gets_those_of_the_nearest_one(skinned, b
     assert_valid_gltf(tmp_path / "mended.glb")
 
 
+def test_vertices_of_blender_s_neutral_bone_follow_the_nearest_ones_of_the_mesh(glb, tmp_path):
+    """A horse's bridle would stay where it is while the head moves."""
+    nodes = [glb.node(name=name) for name in ("a", "b", "neutral_bone")]
+    glb.file.skins = [gltf.Skin(joints=nodes)]
+    primitives = []
+    for shift, joints in ((0, [0, 0, 2, 1, 1, 1]), (0.1, [2] * 6)):
+        primitive = glb.primitive(PLACES + np.float32(shift), FACES)
+        primitive.attributes.JOINTS_0 = glb.add(np.pad(np.array(joints, np.uint8)[:, None], ((0, 0), (0, 3))))
+        primitive.attributes.WEIGHTS_0 = glb.add(np.eye(1, 4, dtype=np.float32).repeat(6, axis=0))
+        primitives.append(primitive)
+    glb.node(glb.mesh(*primitives), skin=0)
+    character = load_character(glb.save(tmp_path / "bridle.glb"))
+    for part in character.parts:
+        joints = character.document.array(character.primitive(part)["attributes"]["JOINTS_0"])
+        assert joints[:, 0].tolist() == [0, 0, 0, 1, 1, 1]
+    assert [note for note in character.document.notes if note.startswith("7 vertices")]
+
+
 def test_sums_become_1_and_valid_weights_stay_as_they_are(skinned, glb):
     character = load_character(skinned(WEIGHTS * np.float32(1.01)))
     assert_allclose(weights_of(character), [[0.75, 0.25]] * 3 + [[0, 1]] * 3, atol=1e-7)

@@ -308,16 +308,6 @@ def test_an_elbow_that_moves_nothing_is_no_lower_arm_beside_one_that_does():
     assert_equal(limbs_of_joints([*joints, *poles]).limbs.points, limbs_of_joints(joints).limbs.points)
 
 
-def test_a_joint_for_vertices_without_weights_is_no_part_of_the_body():
-    joints = holding(skeleton(CONVENTIONS["VRM"]))
-    box = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (0.0, 1.8) for z in (-0.2, 0.3)] * 50)
-    beside = Joint("neutral_bone", -1, np.zeros(3), box)
-    found, alone = limbs_of_joints([*joints, beside]), limbs_of_joints(joints)
-    for limb, expected in zip(found.limbs.chains, alone.limbs.chains, strict=True):
-        assert limb.name == expected.name
-        assert_array_equal(limb.points, expected.points)
-
-
 def test_a_limb_ends_where_the_vertices_end_that_follow_it():
     held = np.add(PLACES["hand"], [[0, -0.02, 0], [0.2, 0.02, 0]])
     others = {"hand_l": held, "middle_01_l": NO_VERTICES}

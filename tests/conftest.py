@@ -248,6 +248,13 @@ def godot() -> str:
 
 
 @pytest.fixture(scope="session")
+def screen() -> Callable[..., list[str]]:
+    """Return a function that returns the beginning of a command which runs on a screen of its own, of some size."""
+    program = found("xvfb")
+    return lambda size="1280x720": [program, "-a", "-s", f"-screen 0 {size}x24"]
+
+
+@pytest.fixture(scope="session")
 def vulkan() -> Iterator[None]:
     """Let Godot draw with Vulkan on the processor."""
     with pytest.MonkeyPatch.context() as patch:

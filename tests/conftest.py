@@ -2,10 +2,8 @@
 
 import fcntl
 import gc
-import hashlib
 import importlib
 import json
-import os
 import pickle
 import shutil
 import subprocess
@@ -31,21 +29,6 @@ from .commands import Commands
 from .durations import BY_FILE, Durations
 from .outside import PEERS, PLAYERS, ROOT, LeftOut, found, load_players
 from .outside import missing as missing
-
-
-def _separate_compiled_code() -> None:
-    """Keep compiled code in a folder named by its sources and by NumPy: Numba checks only the file of a function."""
-    rooms = ("puppetline", "capture", "solver", "engine_bridge")
-    sources = sorted(path for room in rooms for path in (ROOT / room).rglob("*.py"))
-    compiled = [text for path in sources if b"compiled" in (text := path.read_bytes())]
-    own = ROOT / ".pytest_cache" / "compiled" / hashlib.sha256(b"".join(compiled)).hexdigest()[:16]
-    for other in own.parent.glob("*"):
-        if other != own:
-            shutil.rmtree(other, ignore_errors=True)
-    os.environ.setdefault("NUMBA_CACHE_DIR", str(own / f"numpy-{np.__version__}"))
-
-
-_separate_compiled_code()
 
 hypothesis.settings.register_profile("without a deadline", deadline=None)  # its 200 ms pass on a busy machine
 hypothesis.settings.load_profile("without a deadline")

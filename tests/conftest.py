@@ -4,6 +4,7 @@ import fcntl
 import gc
 import importlib
 import json
+import os
 import pickle
 import shutil
 import subprocess
@@ -125,6 +126,14 @@ def given_clock() -> Iterator[GivenClock]:
     given = GivenClock()
     with use(given):
         yield given
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _disks_are_not_waited_for() -> Iterator[None]:
+    """Results of tests need not outlive a power cut."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "fsync", lambda _: None)
+        yield
 
 
 @pytest.fixture(scope="session")

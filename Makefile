@@ -12,7 +12,7 @@ unexport PYTHONDONTWRITEBYTECODE
 help: ## Show this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
 
-setup: .venv/.installed .venv/.current studio ## Create .venv from the pinned requirements (other targets do this automatically)
+setup: .venv/.installed studio ## Create .venv from the pinned requirements (other targets do this automatically)
 
 # Python's own pip may be old, and looks for a minute at all files that there ever were of each package; what is compiled
 # is what is used, when it is used
@@ -33,11 +33,6 @@ INSTALL := bin/pip install --quiet --disable-pip-version-check --no-compile
 .venv/.installed .venv-camera/.installed: export PYTHONWARNINGS = ignore:Editable installation.
 .venv/.installed .venv-camera/.installed: %/.installed: %/.required pyproject.toml
 	$*/$(INSTALL) --no-deps --no-build-isolation --editable .
-	@touch $@
-
-# Numba keeps compiled code until the file of the compiled function changes, also if a function changed that it includes
-.venv/.current: .venv/.installed $(shell find solver -name '*.py')
-	find solver -name '*.nb[ci]' -delete
 	@touch $@
 
 # The page of puppetline studio is built by node 20 or newer; where there is none, a package brings it. Type checks and

@@ -35,11 +35,20 @@ class Shape:
 
     def within(self, points: Array, reach: Array) -> NDArray[np.intp]:
         """Return the indices of points in the box or less than `reach` (n,) away; all others are farther away."""
-        square = np.zeros(len(points))
-        for axis, low, high in zip(points.T, self.low, self.high, strict=True):
-            beyond = np.maximum(np.maximum(low - axis, axis - high), 0.0)
+        is_near = np.empty(len(points), np.bool_)
+        _near(np.ascontiguousarray(points), self.low, self.high, reach, is_near)
+        return np.flatnonzero(is_near)
+
+
+@compiled
+def _near(points: Array, low: Array, high: Array, reach: Array, result: NDArray[np.bool_]) -> None:
+    """Tell of each point whether it is in a box or less than its reach away."""
+    for i in range(len(points)):
+        square = 0.0
+        for k in range(3):
+            beyond = max(low[k] - points[i, k], points[i, k] - high[k], 0.0)
             square += beyond * beyond
-        return np.flatnonzero((square == 0.0) | ((reach > 0.0) & (square < reach * reach)))
+        result[i] = square == 0.0 or (reach[i] > 0.0 and square < reach[i] * reach[i])
 
 
 def _round_cones(points: Array, a: Array, b: Array, radius_a: Array, radius_b: Array) -> Array:

@@ -1,13 +1,17 @@
 """The decorator of functions that Numba compiles."""
 
 import gc
+import hashlib
 import sys
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import IO, Any
 
 import numba
+import numpy as np
 from numba.core import event
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 
@@ -60,6 +64,24 @@ def is_compiled(function: Any) -> bool:
     return bool(function._cache._cache_file._load_index())
 
 
+@cache
+def _digest(folder: Path, pattern: str) -> bytes:
+    """Return a digest of the sources in a folder."""
+    return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(folder.glob(pattern)))).digest()
+
+
+def _stamp(function: Callable[..., Any]) -> tuple[bytes, ...]:
+    """Return what changes with all sources that may be part of a compiled function.
+
+    Numba looks at the file of the function alone. Compiled with it are functions and constants of its folder and of the
+    solver.
+    """
+    solver = find_spec("solver")
+    folders = [(Path(function.__code__.co_filename).parent, "*.py")]
+    folders += [(Path(place), "**/*.py") for place in (solver and solver.submodule_search_locations) or ()]
+    return tuple(_digest(*each) for each in folders)
+
+
 class _CacheFiles(IndexDataCacheFile):  # type: ignore[misc]
     """The files of a function's code. Those that a power cut has left empty or incomplete count as missing."""
 
@@ -85,8 +107,9 @@ class _SharedCache(FunctionCache):  # type: ignore[misc]
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
-        self._cache_file = _CacheFiles(self.cache_path, self._impl.filename_base, self._impl.locator.get_source_stamp())
-        self._path = Path(self.cache_path) / f"{self._impl.filename_base}.lock"
+        name = f"{self._impl.filename_base}.numpy-{np.__version__}"  # environments of one clone may have different ones
+        self._cache_file = _CacheFiles(self.cache_path, name, _stamp(function))
+        self._path = Path(self.cache_path) / f"{name}.lock"
         self._lock: IO[bytes] | None = None
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:

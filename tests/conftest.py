@@ -2,7 +2,6 @@
 
 import fcntl
 import gc
-import hashlib
 import importlib
 import json
 import os
@@ -31,21 +30,6 @@ from .commands import Commands
 from .durations import BY_FILE, Durations
 from .outside import PEERS, PLAYERS, ROOT, LeftOut, found, load_players
 from .outside import missing as missing
-
-
-def _separate_compiled_code() -> None:
-    """Keep compiled code in a folder named by its sources and by NumPy: Numba checks only the file of a function."""
-    rooms = ("puppetline", "capture", "solver", "engine_bridge")
-    sources = sorted(path for room in rooms for path in (ROOT / room).rglob("*.py"))
-    compiled = [text for path in sources if b"compiled" in (text := path.read_bytes())]
-    own = ROOT / ".pytest_cache" / "compiled" / hashlib.sha256(b"".join(compiled)).hexdigest()[:16]
-    for other in own.parent.glob("*"):
-        if other != own:
-            shutil.rmtree(other, ignore_errors=True)
-    os.environ.setdefault("NUMBA_CACHE_DIR", str(own / f"numpy-{np.__version__}"))
-
-
-_separate_compiled_code()
 
 hypothesis.settings.register_profile("without a deadline", deadline=None)  # its 200 ms pass on a busy machine
 hypothesis.settings.load_profile("without a deadline")
@@ -142,6 +126,14 @@ def given_clock() -> Iterator[GivenClock]:
     given = GivenClock()
     with use(given):
         yield given
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _disks_are_not_waited_for() -> Iterator[None]:
+    """Results of tests need not outlive a power cut."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "fsync", lambda _: None)
+        yield
 
 
 @pytest.fixture(scope="session")
@@ -245,6 +237,13 @@ def node() -> Iterator[Callable[..., str]]:
 def godot() -> str:
     """Return the path of Godot 4: the environment variable GODOT, or the one on PATH."""
     return found("godot")
+
+
+@pytest.fixture(scope="session")
+def screen() -> Callable[..., list[str]]:
+    """Return a function that returns the beginning of a command which runs on a screen of its own, of some size."""
+    program = found("xvfb")
+    return lambda size="1280x720": [program, "-a", "-s", f"-screen 0 {size}x24"]
 
 
 @pytest.fixture(scope="session")

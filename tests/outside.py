@@ -134,6 +134,7 @@ OUTSIDE = {
     "openni": Outside("OpenNI2", "Debian: g++ libopenni2-0 libopenni2-dev", _openni),
     "realsense": Outside("librealsense", "Debian: libusb-1.0-0", _realsense),
     "vulkan": Outside("Godot with Vulkan on the processor", "Debian: mesa-vulkan-drivers", _vulkan),
+    "xvfb": Outside("a screen in memory", "Debian: xvfb", lambda: shutil.which("xvfb-run")),
 }
 """By the name in `PUPPETLINE_TEST_REQUIRE`."""
 
@@ -141,7 +142,7 @@ PLAYERS = {"Blender": "blender", "three.js": "node", "Babylon.js": "node", "Godo
 """What the parameters of tests with the fixture `player` need."""
 
 FIXTURES = {key: key for key in ("browser", "camera", "freenect", "godot", "mono", "node", "opengl", "vulkan")}
-FIXTURES |= {"openni_folder": "openni", "real_data": "data", "virtual_realsense": "realsense"}
+FIXTURES |= {"openni_folder": "openni", "real_data": "data", "screen": "xvfb", "virtual_realsense": "realsense"}
 """The part of `OUTSIDE` for which each fixture stands."""
 
 REQUIRED = set(filter(None, os.environ.get("PUPPETLINE_TEST_REQUIRE", "").split(",")))

@@ -193,9 +193,9 @@ def _is_vector(value: object, length: int) -> bool:
     return isinstance(value, list) and len(value) == length and all(map(_is_number, value))
 
 
-def _is_number(value: object) -> bool:
+def _is_number(value: Any) -> bool:
     """Return whether a JSON value is a number, not true or false, that is finite as a float64."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
+    return type(value) in (int, float) and abs(value) <= sys.float_info.max
 
 
 def _value_error(path: Path, number: int, key: str, found: object, expected: str) -> SkeletonLogError:

@@ -195,17 +195,17 @@ def _step(plan, state, time, positions, confidence, motions, root):
     elapsed = max(0.0, time - clock[TIME]) if began else math.inf
     clock[TIME] = time
     rests, low = resting_feet(plan.watch, state.watch, positions, confidence, elapsed, began)
-    lost = False
+    unseen = 0  # not a flag: what takes one would be compiled twice, for a constant as well
     for foot in range(2):
         seen = is_seen(plan.watch.joints[foot], positions, confidence)
-        lost = lost or not seen
+        unseen += 0 if seen else 1
         state.watch.held[foot] = 1.0 if rests[foot] else 0.0
         # a lost foot keeps its position, which says nothing about whether the performer stands; a foot that is held up
         # does not carry the body on, and on tilted sensors feet on the floor differ in height
         rests[foot] = state.watch.still[foot] > 0 and seen
     _move_homes(plan, state, motions, root, elapsed, began)
     speed = math.hypot(length(state.velocity), plan.radius * state.body[TURNING])
-    update(state.gait, time, elapsed, ~(rests | low), rests, lost, speed, plan.leg_length, plan.metre)
+    update(state.gait, time, elapsed, ~(rests | low), rests, unseen > 0, speed, plan.leg_length, plan.metre)
     watch_hands(plan, state, positions, confidence, elapsed)
     if not began:
         for leg in range(len(plan.feet)):

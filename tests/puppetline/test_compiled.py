@@ -1,6 +1,7 @@
 import ast
 import gc
 import os
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -28,24 +29,26 @@ print(sum_of_squares(3.0, 4.0), sum_of_squares.stats.cache_hits.total(), sum_of_
 """
 
 
-def test_a_second_process_loads_what_the_first_has_compiled(tmp_path):
-    (tmp_path / "module.py").write_text(MODULE)
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-    command = [sys.executable, tmp_path / "module.py"]
-    outputs = [subprocess.run(command, env=environment, capture_output=True, text=True, check=True) for _ in range(2)]
-    assert [output.stdout for output in outputs] == ["25.0 0 1\n", "25.0 1 0\n"]
+def test_a_second_process_loads_what_the_first_has_compiled_unless_a_function_in_it_has_changed(tmp_path):
+    inner, outer = MODULE.split("@compiled\n")
+    (tmp_path / "outer.py").write_text(f"from inner import compiled, square\n\n@compiled\n{outer}")
+    cache = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    environment = {**os.environ, **cache, "PYTHONDONTWRITEBYTECODE": "1"}  # its .pyc files are one second too coarse
+    command, outputs = [sys.executable, tmp_path / "outer.py"], []
+    for result in ("x * x", "x * x", "x + x"):
+        (tmp_path / "inner.py").write_text(inner.replace("x * x", result))
+        outputs.append(subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout)
+    assert outputs == ["25.0 0 1\n", "25.0 1 0\n", "14.0 0 1\n"]
 
 
-def test_files_that_a_power_cut_has_damaged_are_compiled_and_written_again(tmp_path):
+def test_files_that_a_power_cut_has_damaged_are_compiled_and_written_again(tmp_path, monkeypatch, capsys):
     (tmp_path / "module.py").write_text(MODULE)
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-    command = [sys.executable, tmp_path / "module.py"]
-    outputs = []
+    monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path / "cache"))
     for damaged, kept in (("no file", 0), ("*.nbi", 0), ("*.nbi", 20), ("*.nbc", 0), ("*.nbc", 20), ("no file", 0)):
         for path in tmp_path.glob(f"cache/**/{damaged}"):
             path.write_bytes(path.read_bytes()[:kept])
-        outputs.append(subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout)
-    assert outputs == [*(5 * ["25.0 0 1\n"]), "25.0 1 0\n"]
+        runpy.run_path(str(tmp_path / "module.py"))
+    assert capsys.readouterr().out == 5 * "25.0 0 1\n" + "25.0 1 0\n"
 
 
 def test_of_processes_that_begin_together_one_compiles_and_the_others_wait(tmp_path):
@@ -59,13 +62,13 @@ def test_of_processes_that_begin_together_one_compiles_and_the_others_wait(tmp_p
 
 
 def test_a_lock_that_cannot_be_taken_does_not_prevent_compiling(tmp_path, monkeypatch):
-    monkeypatch.setattr(Path, "open", Mock(side_effect=PermissionError))
     monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path))
 
     @compiled
     def double(x):
         return 2 * x
 
+    monkeypatch.setattr(Path, "open", Mock(side_effect=PermissionError))
     assert double(3.0) == 6.0
     assert is_compiled(double)
 

@@ -20,8 +20,15 @@ def march(capsules, low, high, step):
     low = np.array(low)
     counts = np.ceil((np.array(high) - low) / step).astype(int) + 1
     grid = igl.grid(counts) * ((counts - 1) * step) + low
-    distance = np.min([distance_to_capsule(grid, *capsule) for capsule in capsules], axis=0)
-    v, f, _ = igl.marching_cubes(distance, grid, *map(int, counts), 0.0)
+    distance = np.full(counts[::-1], np.inf)
+    for start, end, radius in capsules:  # marching needs distances within a cell of the surface
+        ends, reach = np.array([start, end]), radius + 2 * step
+        first = np.maximum(np.floor((ends.min(axis=0) - reach - low) / step), 0).astype(int)
+        last = np.ceil((ends.max(axis=0) + reach - low) / step).astype(int) + 1
+        near = tuple(map(slice, first[::-1], last[::-1]))
+        own = distance_to_capsule(grid.reshape(*counts[::-1], 3)[near].reshape(-1, 3), start, end, radius)
+        distance[near] = np.minimum(distance[near], own.reshape(distance[near].shape))
+    v, f, _ = igl.marching_cubes(distance.ravel(), grid, *map(int, counts), 0.0)
     return v, f
 
 

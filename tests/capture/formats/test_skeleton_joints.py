@@ -158,13 +158,6 @@ def test_missing_middle_joints_are_midpoints_and_hands_are_ends():
     assert sum("joint for spine." in note for note in notes) == 1
 
 
-def test_hands_without_an_end_are_lost():
-    names = ["Hips", "Spine", "Neck", "Head", *sides("*UpLeg", "*Leg", "*Foot", "*Toe", "*Arm", "*ForeArm", "*Hand")]
-    found, notes = points_of(names)
-    assert np.isnan(found["hand_right"])
-    assert sum("hand_right" in note for note in notes) == 1
-
-
 def test_a_finger_joint_at_the_wrist_is_passed_over():
     names, _ = SKELETONS["Biovision"]
     names = [*names, "lhand", "LFingers", "rhand", "RFingers"]

@@ -28,5 +28,6 @@ def room(tilt, roll, height, noise=0.0, *, table=False, floor=True, desk=0.0, wa
             top = np.where(y < 0, (0.75 - height) / y, np.inf)
             on_it = (abs(top * x - 0.3) < 0.6) & (abs(top * z - 1.8) < 0.4)
             depth = np.where(on_it, np.minimum(depth, top), depth)
-    depth += np.random.default_rng(1).normal(0, 1, depth.shape) * noise * depth**2
+    if noise:
+        depth += np.random.default_rng(1).normal(0, 1, depth.shape) * noise * depth**2
     return (np.rint(1000 * depth) / 1000).astype(np.float32)

@@ -43,8 +43,9 @@ def invoke(tmp_path, monkeypatch):
 
 @pytest.fixture
 def quick_pictures(monkeypatch):
-    """Draw with one light, and one moment of a clip."""
-    monkeypatch.setattr(lighting, "_SKY_LIGHTS", 1)
+    """Draw with one light of each kind, and one moment of a clip."""
+    for kind in ("_SKY_LIGHTS", "_KEY_LIGHTS"):
+        monkeypatch.setattr(lighting, kind, 1)
     monkeypatch.setattr(clip_sheet, "TILE_COUNT", 1)
 
 

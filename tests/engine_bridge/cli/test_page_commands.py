@@ -74,6 +74,7 @@ def short_examples():
             patch.setitem(PERFORMANCES, name, lambda short=short: short)
         patch.setattr(clip_sheet, "TILE_COUNT", 1)
         patch.setattr(lighting, "_SKY_LIGHTS", 1)
+        patch.setattr(lighting, "_KEY_LIGHTS", 1)
         patch.setattr(film, "SCENE", film.SCENE.replace("seconds = 11.5", "seconds = 0.2\nsize = [64, 36]"))
         yield
 

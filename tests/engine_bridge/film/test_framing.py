@@ -164,6 +164,7 @@ def test_no_vertex_of_whom_a_shot_shows_is_outside_the_picture_in_any_frame(prod
 @pytest.mark.parametrize("name", examples.MOTIONS)
 def test_no_vertex_of_an_example_is_outside_the_picture_in_any_frame(tmp_path, name):
     log, puppet = examples.prepare(name, tmp_path)
+    puppet.write_text(f"{puppet.read_text()}\n[solver]\nfields = 5\nisolines = 6\n")  # a quick model
     text = f'[film]\nfps = 10\n[[character]]\nname = "it"\npuppet = "{puppet.name}"\n[[take]]\ncharacter = "it"\n'
     text += (
         f'file = "{log.name}"\n[[camera]]\n[[camera]]\nat = 3\nshot = "follow"\n[[camera]]\nat = 6\nshot = "close"\n'

@@ -12,8 +12,8 @@ FRONT = View(azimuth=0, elevation=0, center=(0, 0, 0), radius=1.5)
 
 
 def sphere(center=(0.0, 0.0, 0.0), radius=1.0):
-    """A sphere of 20,480 faces."""
-    points, faces = igl.upsample(*igl.icosahedron(), 5)
+    """A sphere of 5,120 faces."""
+    points, faces = igl.upsample(*igl.icosahedron(), 4)
     return np.array(center) + radius * points / np.linalg.norm(points, axis=1, keepdims=True), faces
 
 

@@ -68,11 +68,11 @@ def residents(godot, imported_project):
     """Return a function that finds or starts a process of Godot which runs scripts in the imported project."""
     started = []
 
-    def find(**screen):
-        for resident, its_screen in started:
-            if resident.is_idle and its_screen == screen:
+    def find(**shown):
+        for resident, its in started:
+            if resident.is_idle and its == shown:
                 return resident
-        started.append((Resident(godot, "--path", imported_project, **screen), screen))
+        started.append((Resident(godot, "--path", imported_project, **shown), shown))
         return started[-1][0]
 
     yield find
@@ -83,20 +83,20 @@ def residents(godot, imported_project):
 
 @pytest.fixture
 def start_godot(request, godot):
-    """Start a script in the project, or in a game that was exported from it, and talk to it while it runs; `display`
-    gives it a screen and OpenGL, or another `renderer`."""
+    """Start a script in the project, or in a game that was exported from it, and talk to it while it runs, on a
+    `screen` with OpenGL or another `renderer` if it is given one."""
     is_shared = "project" not in request.fixturenames
     own, started = [], []
 
-    def find(game, **screen):
+    def find(game, **shown):
         if is_shared:
-            return request.getfixturevalue("residents")(**screen)
+            return request.getfixturevalue("residents")(**shown)
         place = ("--path", request.getfixturevalue("project")) if game is None else ("--main-pack", game)
-        own.append(Resident(godot, *place, **screen))
+        own.append(Resident(godot, *place, **shown))
         return own[-1]
 
-    def start(script, *arguments, game=None, clock=None, **screen):
-        started.append(find(game, **screen).start(script, *arguments, clock=clock and clock.path))
+    def start(script, *arguments, game=None, clock=None, **shown):
+        started.append(find(game, **shown).start(script, *arguments, clock=clock and clock.path))
         return started[-1]
 
     yield start
@@ -130,8 +130,8 @@ def given_clock(tmp_path):
 def run_godot(start_godot):
     """Run a script in the project to its end and return its results; `allow` are texts of errors that are meant."""
 
-    def run(script, *arguments, timeout=TIMEOUT_SECONDS, allow=(), **screen):
-        return start_godot(script, *arguments, **screen).finish(timeout, allow)
+    def run(script, *arguments, timeout=TIMEOUT_SECONDS, allow=(), **shown):
+        return start_godot(script, *arguments, **shown).finish(timeout, allow)
 
     return run
 
@@ -219,7 +219,7 @@ def _directed(numbers, low, size):
 
 
 @pytest.fixture
-def drive_editor(godot, project, tmp_path):
+def drive_editor(godot, screen, project):
     """Open a scene in the editor on a screen, with the plugin and a script that operates it; return the script's
     results."""
 
@@ -236,7 +236,7 @@ def drive_editor(godot, project, tmp_path):
         )
         editor = f"{godot} --editor --path {project} world.tscn --rendering-driver opengl3 --audio-driver Dummy"
         ran = subprocess.run(
-            ["xvfb-run", "-a", "-s", "-screen 0 1600x1000x24", *editor.split(), "--resolution", "1600x1000"],
+            [*screen("1600x1000"), *editor.split(), "--resolution", "1600x1000"],
             env=os.environ | environment,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,

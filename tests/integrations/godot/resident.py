@@ -85,15 +85,14 @@ class Godot:
 
 
 class Resident(Godot):
-    """A process of Godot that runs test scripts, with a screen if `display`: by OpenGL, or by another renderer."""
+    """A process of Godot that runs test scripts; on a screen it draws with OpenGL, or with another renderer."""
 
-    def __init__(self, godot, *place, display=False, renderer="gl_compatibility"):
+    def __init__(self, godot, *place, screen=(), renderer="gl_compatibility"):
         self._listener = socket.create_server(("127.0.0.1", 0))
         self._listener.settimeout(0.1)
         self._connection = None
         command = [godot, *place, "-s", "res://tests/resident.gd"]
-        if display:
-            screen = ["xvfb-run", "-a", "-s", "-screen 0 1280x720x24"]
+        if screen:
             command = [*screen, *command, "--rendering-method", renderer, "--audio-driver", "Dummy"]
         else:
             command.append("--headless")

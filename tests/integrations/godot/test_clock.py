@@ -11,14 +11,13 @@ from .resident import Godot
 IMAGES = 45
 
 
-def write_movie(godot, project, folder, stage, slowness):
+def write_movie(screen, godot, project, folder, stage, slowness):
     """Write a movie; return what each image shows, and the hashes of the images."""
     folder.mkdir()
     stage.is_playing = True
     movie = ["--write-movie", folder / "image.png", "--fixed-fps", 30, "--resolution", "160x120"]
     renderer = ["--rendering-driver", "opengl3", "--audio-driver", "Dummy", "-s", "res://tests/movie.gd"]
-    screen = ["xvfb-run", "-a", "-s", "-screen 0 640x480x24"]
-    process = Godot(*screen, godot, "--path", project, *movie, *renderer, "--", stage.port, IMAGES, slowness)
+    process = Godot(*screen("640x480"), godot, "--path", project, *movie, *renderer, "--", stage.port, IMAGES, slowness)
     try:
         process.finish(300)
     finally:
@@ -29,9 +28,11 @@ def write_movie(godot, project, folder, stage, slowness):
 
 
 @pytest.mark.slow
-def test_a_movie_has_every_frame_once_however_long_an_image_takes(godot, imported_project, new_stage, danced, tmp_path):
-    quick, images = write_movie(godot, imported_project, tmp_path / "quick", new_stage(danced), 0)
-    slow, same = write_movie(godot, imported_project, tmp_path / "slow", new_stage(danced), 100)
+def test_a_movie_has_every_frame_once_however_long_an_image_takes(
+    screen, godot, imported_project, new_stage, danced, tmp_path
+):
+    quick, images = write_movie(screen, godot, imported_project, tmp_path / "quick", new_stage(danced), 0)
+    slow, same = write_movie(screen, godot, imported_project, tmp_path / "slow", new_stage(danced), 100)
     for told in quick, slow:
         played = [(1 - each["share"]) * each["sequence"] + each["share"] * each["next_sequence"] for each in told]
         assert played == pytest.approx(list(range(1, IMAGES + 1)), abs=1e-3)

@@ -132,7 +132,7 @@ FIRST_SECONDS, LAST_SECONDS = 0.5, 1.7
 
 
 @pytest.fixture
-def filmed(frames, record, record_events, standing, dance, serve, two, project, free_port, godot, tmp_path):
+def filmed(frames, record, record_events, standing, dance, serve, two, project, free_port, screen, godot, tmp_path):
     """Images (n, 90, 160) of grey values and samples (m,) with their rate, of a movie by Godot's movie writer: a take
     with a sound plays on one character of the film set, and a dance on the other."""
     takes = tmp_path / "takes"
@@ -152,10 +152,10 @@ def filmed(frames, record, record_events, standing, dance, serve, two, project, 
     text = scene.read_text().replace(timeline, f'{timeline}\ntakes_folder = "{takes}"')
     scene.write_text(re.sub('character = "', f"port = {port}\n\\g<0>", text))
     movie = tmp_path / "film.avi"
-    screen = ["xvfb-run", "-a", "-s", "-screen 0 640x480x24", godot, "--rendering-driver", "opengl3", "--path", project]
+    drawn = [*screen("640x480"), godot, "--rendering-driver", "opengl3", "--path", project]
     part = [f"from={FIRST_SECONDS}", f"to={LAST_SECONDS}"]
     writer = ["--write-movie", movie, "--fixed-fps", 30, scene.relative_to(project)]
-    Godot(*screen, *writer, "--", "dog=clap", "cat=dance", *part).finish(300)
+    Godot(*drawn, *writer, "--", "dog=clap", "cat=dance", *part).finish(300)
     with av.open(str(movie)) as file:
         images = np.array([each.to_ndarray(format="gray", width=160, height=90) for each in file.decode(video=0)])
         file.seek(0)
@@ -197,9 +197,9 @@ def demo_live(tmp_path_factory, own_cache, commands):
 
 
 @pytest.mark.parametrize(("script", "scene"), [("demo_kiosk.gd", "kiosk"), ("demo_film.gd", "film")])
-def test_a_scene_shows_the_example_characters_as_it_is(script, scene, demo_live, start_godot, tmp_path):
+def test_a_scene_shows_the_example_characters_as_it_is(script, scene, demo_live, start_godot, screen, tmp_path):
     """A picture with the characters and one without differ in a good part of the pixels."""
-    start_godot(script, "{}", tmp_path / f"{scene}.png", display=True).finish(600)
+    start_godot(script, "{}", tmp_path / f"{scene}.png", screen=screen()).finish(600)
     pictures = (tmp_path / f"{scene}.png", tmp_path / f"{scene}_empty.png")
     shown, empty = (np.asarray(Image.open(path).convert("RGB"), np.int16) for path in pictures)
     assert shown.shape == (720, 1280, 3)

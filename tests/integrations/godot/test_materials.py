@@ -57,9 +57,9 @@ def assert_alike(one, other):
     assert np.percentile(away, 99.9) <= MOST
 
 
-def test_each_property_looks_the_same(run_godot, figure, tmp_path):
+def test_each_property_looks_the_same(run_godot, screen, figure, tmp_path):
     write_payloads(figure, tmp_path)
-    cases = [told["case"] for told in run_godot("render_materials.gd", tmp_path, display=True, timeout=600)]
+    cases = [told["case"] for told in run_godot("render_materials.gd", tmp_path, screen=screen(), timeout=600)]
     drawn = {case: picture(tmp_path / f"{case} own.png") for case in cases}
     for case in cases:
         if case != "plain":
@@ -72,7 +72,7 @@ def test_each_property_looks_the_same(run_godot, figure, tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["khronos_Fox", "kaykit_Knight", "quaternius_George", "cubevc"])
 def test_an_imported_character_looks_as_it_does_without_the_addon(
-    run_godot, add_glb, real_data, commands, tmp_path, name
+    run_godot, screen, add_glb, real_data, commands, tmp_path, name
 ):
     """Textures, fifteen materials, loose triangles, vertex colours: as in the files of other people."""
     puppet, own = tmp_path / f"{name}.toml", tmp_path / "own.glb"
@@ -82,7 +82,7 @@ def test_an_imported_character_looks_as_it_does_without_the_addon(
     ):
         commands.run(*arguments).check_returncode()
     write_payloads(puppet, tmp_path)
-    run_godot("render_materials.gd", tmp_path, add_glb(own), display=True, timeout=600)
+    run_godot("render_materials.gd", tmp_path, add_glb(own), screen=screen(), timeout=600)
     drawn = picture(tmp_path / "imported own.png")
     assert np.std(drawn) > 10
     assert_alike(drawn, picture(tmp_path / "imported made.png"))

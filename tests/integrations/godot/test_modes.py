@@ -50,7 +50,7 @@ def show(start_godot, tmp_path):
 
 
 @pytest.fixture
-def check_shader(start_godot, read_pixels, tmp_path):
+def check_shader(start_godot, screen, read_pixels, tmp_path):
     """Compare positions, normals and bounds of what the graphics card draws."""
 
     def check(stage, **settings):
@@ -58,7 +58,7 @@ def check_shader(start_godot, read_pixels, tmp_path):
         box = [(rest.min(axis=0) - diagonal).tolist(), (np.ptp(rest, axis=0) + 2 * diagonal).tolist()]
         asked = {"settings": {"port": stage.port, **settings}, "samples": 3, "apart": 20, "box": box}
         asked |= {"file": str(tmp_path / "pixels")}
-        told = start_godot("shade_puppet.gd", json.dumps(asked), display=True).finish(600)
+        told = start_godot("shade_puppet.gd", json.dumps(asked), screen=screen()).finish(600)
         told = [result for result in told if "sequence" in result]
         weights, slopes = stage.character.rig.model.weights, np.abs(stage.character.binding._slopes)
         # by how many isolines places change at most over a diagonal along the surface

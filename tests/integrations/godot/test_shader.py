@@ -35,10 +35,10 @@ def payload(name, kind="u1"):
 
 
 @pytest.fixture(scope="module")
-def shaded(residents, read_pixels, scene, tmp_path_factory):
+def shaded(residents, screen, read_pixels, scene, tmp_path_factory):
     """Return what has been told of each moment, and its positions, normals and tangents."""
     pixels = tmp_path_factory.mktemp("shaded") / "pixels.bin"
-    results = residents(display=True).start("shade_vectors.gd", VECTORS, pixels).finish(600)
+    results = residents(screen=screen()).start("shade_vectors.gd", VECTORS, pixels).finish(600)
     moments = read_pixels(pixels, len(results), scene["vertices"], results[0]["box"])
     return [(told, *moment) for told, moment in zip(results, moments, strict=True)]
 
@@ -64,14 +64,14 @@ def test_positions_and_normals_are_those_of_the_protocol_and_bounds_hold_them(sh
 
 
 def test_a_voice_opens_the_mouth_on_the_graphics_card_and_off_it(
-    residents, read_pixels, spoken, spoken_files, tmp_path
+    residents, screen, read_pixels, spoken, spoken_files, tmp_path
 ):
     for kind in (Kind.CONTROLS, Kind.VERTICES16):
         scene, *frames = spoken_files(kind)
         for number, file in enumerate(frames):
             file.rename(tmp_path / f"{number}.{kind.word}.bin")
     scene.rename(tmp_path / "scene.bin")
-    results = residents(display=True).start("shade_vectors.gd", tmp_path, tmp_path / "pixels").finish(600)
+    results = residents(screen=screen()).start("shade_vectors.gd", tmp_path, tmp_path / "pixels").finish(600)
     results = [told for told in results if told["mode"] == "controls"]
     character = spoken[0].character
     shaded = read_pixels(tmp_path / "pixels", 2 * len(results), len(character.rest), results[0]["box"])

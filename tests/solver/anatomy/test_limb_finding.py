@@ -41,6 +41,12 @@ def person():
     return body_of(FIGURE)
 
 
+@pytest.fixture(scope="module")
+def whole(person):
+    """What is found of the person."""
+    return find_limbs(person, np.eye(3))
+
+
 def found(mesh, basis=None, ends=None):
     return find_limbs(mesh, np.eye(3) if basis is None else basis, ends or {}).points
 
@@ -100,8 +106,8 @@ def test_hips_are_below_axles_and_wrists_beyond_thin_elbows(limbs, wanted, withi
     assert_joints(found(mesh), np.ptp(mesh.vertices[:, 1]), wanted, within)
 
 
-def test_joints_of_a_figure_are_where_it_was_made(person):
-    limbs = found(person)
+def test_joints_of_a_figure_are_where_it_was_made(person, whole):
+    limbs = whole.points
     assert list(limbs) == PERSON
     height = np.ptp(person.vertices[:, 1])
     wanted = {"arm": numbered(SHOULDER, ELBOW), "leg": numbered(HIP, KNEE, ANKLE, TOES)}
@@ -182,11 +188,11 @@ def test_limbs_that_the_user_gives_take_precedence(limbs, ends, within):
         assert [len(result[name]) for name in ends] == [3, 3, 2]
 
 
-def test_ears_and_horns_are_neither_arms_nor_wings(person):
+def test_ears_and_horns_are_neither_arms_nor_wings(whole):
     ears = both(((0.08, 1.8, 0.0), (0.35, 2.2, 0.0), 0.06))
     assert_same(
         {name: points for name, points in found(body_of([*FIGURE, *ears])).items() if name != "head"},
-        {name: points for name, points in found(person).items() if name != "head"},
+        {name: points for name, points in whole.points.items() if name != "head"},
         0.06,
     )
     horns = both(((0.1, 1.75, 1.6), (0.5, 2.3, 1.7), 0.06))
@@ -230,14 +236,14 @@ def test_arms_in_the_body_go_straight_to_where_the_user_says():
     assert_allclose(limbs["right arm"], arm * IMAGE, atol=0.05)
 
 
-def test_a_sword_is_left_out_of_the_arm_and_said(person):
+def test_a_sword_is_left_out_of_the_arm_and_said(whole):
     point = np.add(HAND, (0.1, -0.1, 1.3))
     armed = find_limbs(body_of([*FIGURE, (HAND, tuple(point), 0.02)], 0.02), np.eye(3))
     assert len(armed.notes) == 1
     assert armed.notes[0].startswith("Something long and thin at the end of the left arm is not part of it.")
     assert "--limb 'left arm=" in armed.notes[0]
-    assert_allclose(armed.points["left arm"][-1], found(person)["left arm"][-1], atol=0.12)
-    assert find_limbs(person, np.eye(3)).notes == ()
+    assert_allclose(armed.points["left arm"][-1], whole.points["left arm"][-1], atol=0.12)
+    assert whole.notes == ()
 
 
 def test_a_limb_that_is_not_found_is_reported():
@@ -248,13 +254,13 @@ def test_a_limb_that_is_not_found_is_reported():
 
 @pytest.mark.parametrize(("scale", "image", "tolerance"), [(1.0, np.ones(3), 1e-9), (64.0, IMAGE, 0.02)])
 def test_a_character_that_is_turned_moved_or_mirrored_with_vertices_in_another_order_has_the_same_limbs(
-    person, scale, image, tolerance
+    person, whole, scale, image, tolerance
 ):
     turn, place = np.array([[0, 0, 1.0], [1, 0, 0], [0, 1, 0]]), (scale - 1) * np.array([0.1, -0.2, 0.3])
     order = np.random.default_rng(1).permutation(len(person.vertices))
     faces = np.argsort(order)[person.faces[:, :: int(image[0])]]
     vertices = scale * (person.vertices * image)[order] @ turn + place
-    changed, limbs = found(SolverMesh(vertices, faces, np.arange(len(order))), turn), found(person)
+    changed, limbs = found(SolverMesh(vertices, faces, np.arange(len(order))), turn), whole.points
     swapped = {"left": "right", "right": "left"} if image is IMAGE else {}
     expected = {name: limbs[" ".join(swapped.get(word, word) for word in name.split())] for name in limbs}
     assert_same(
@@ -262,8 +268,8 @@ def test_a_character_that_is_turned_moved_or_mirrored_with_vertices_in_another_o
     )
 
 
-def test_a_person_cut_out_of_paper_has_the_same_limbs(person):
-    limbs, expected = found(weld(person.vertices * [1, 1, 0], person.faces)), found(person)
+def test_a_person_cut_out_of_paper_has_the_same_limbs(person, whole):
+    limbs, expected = found(weld(person.vertices * [1, 1, 0], person.faces)), whole.points
     assert list(limbs) == PERSON
     for name in PERSON:
         assert_allclose(limbs[name][:, :2], expected[name][:, :2], atol=0.12, err_msg=name)
@@ -281,11 +287,11 @@ def test_cards_that_cross_and_needles_are_filled_where_their_vertices_are(vertic
     assert away.max() < 0.501 * solid.size
 
 
-def test_parts_that_overlap_are_one_body(person):
+def test_parts_that_overlap_are_one_body(whole):
     pieces = [body_of([limb], 0.03) for limb in FIGURE]
     mesh = weld(*joined(*((piece.vertices, piece.faces) for piece in pieces)))
     assert mesh.parts == len(FIGURE)
-    limbs, expected = found(mesh), found(person)
+    limbs, expected = found(mesh), whole.points
     assert list(limbs) == PERSON
     for name in ("left leg", "right leg", "left arm", "right arm"):
         assert_allclose(limbs[name], expected[name], atol=0.12, err_msg=name)

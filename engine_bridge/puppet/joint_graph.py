@@ -172,7 +172,7 @@ def _hang(joints: Sequence[Joint], meanings: Sequence[JointMeaning | None], pare
             index for index in allowed.difference(parents.values()) if _is_end(meanings[tops[top]], meanings[index])
         ]
         contacts = sum((Counter(joints[index].contacts) for index in groups[top]), Counter[int]())
-        touched, whole = _touched(tops[top], ends or list(allowed), {*parents.values()}, contacts, held)
+        touched, whole = _touched(tops[top], ends or list(allowed), inner, contacts, held)
         if parent >= 0 and whole:
             continue  # a foot is beyond the last joint of its leg, far from all others
         parents[top], joined = touched, group_of[touched]

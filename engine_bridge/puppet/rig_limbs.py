@@ -7,8 +7,9 @@ from itertools import combinations, pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.bone_names import joint_meanings
 from engine_bridge.character.character import Character
-from engine_bridge.puppet.joint_graph import JointGraph, joint_graph
+from engine_bridge.puppet.joint_graph import LABEL_OF, JointGraph, joint_graph
 from engine_bridge.puppet.part_joints import are_nested, part_joints, without_ornaments
 from engine_bridge.puppet.skin_joints import Joint, joints_of
 from solver.anatomy.body_decision import Body, decide, load_weights
@@ -124,9 +125,12 @@ def rig_limbs(
     """
     if character.joints:
         return limbs_of_joints(joints_of(character), up, front)
-    parts = joints_of(character) if are_nested(character) else part_joints(character)
-    found = limbs_of_joints(without_ornaments(parts), up, front, rigid=True) if parts else None
-    return found if found and found.limbs.chains else None  # names of parts need not mean anything
+    parts = without_ornaments(joints_of(character) if are_nested(character) else part_joints(character))
+    meanings = joint_meanings([part.name for part in parts], [True] * len(parts))
+    if not any(meaning and LABEL_OF.get(meaning.part) in ("arm", "leg", "wing") for meaning in meanings):
+        return None  # names of parts need not mean anything, and a face alone is no body
+    found = limbs_of_joints(parts, up, front, rigid=True)
+    return found if found.limbs.chains else None
 
 
 def limbs_of_joints(

@@ -32,6 +32,9 @@ MIN_NECK_SHARE = 0.3
 MAX_END_HEIGHT, MIN_END_DISTANCE = 0.03, 0.15
 """Height above the ground, and distance from all limbs, of an end that stands there without a leg, in heights."""
 
+MAX_EDGE_DISTANCE = 0.07
+"""Mean distance between an arm and a wing below which they are one limb, as a share of the unit."""
+
 UPRIGHT_COSINE = np.cos(np.radians(50))
 """Minimum cosine between up and the direction from trunk to head at which the head is upright on the trunk."""
 
@@ -83,10 +86,27 @@ class _Finder(LimbBranches):
             pair = self.sides("wing", [evenly(wing.points[::-1], 4) for wing in wings])
             if np.linalg.norm(pair["left wing"][1] - pair["right wing"][1]) > self.solid.size:  # no rider's legs
                 found |= pair
+        found = self._without_edges(found)
         self._note_missing_limbs(found)
         found = self._trunk_and_head(found) | found
         self._note_other_feet(found)
         return found | self._given_on_head()
+
+    def _without_edges(self, found: dict[str, Points]) -> dict[str, Points]:
+        """Return limbs without arms along wings, or wings along arms: the shorter ones are edges of the others."""
+        if not {"left arm", "right arm", "left wing", "right wing"} <= found.keys() or "left arm" in self.ends:
+            return found
+        lengths = {
+            limb: np.linalg.norm(np.diff(found[f"left {limb}"], axis=0), axis=1).sum() for limb in ("arm", "wing")
+        }
+        edge, limb = sorted(lengths, key=lambda name: lengths[name])
+        away = [
+            cKDTree(evenly(found[f"{side} {limb}"], 40)).query(evenly(found[f"{side} {edge}"], 20))[0].mean()
+            for side in ("left", "right")
+        ]
+        if max(away) > MAX_EDGE_DISTANCE * self.unit:
+            return found
+        return {name: points for name, points in found.items() if not name.endswith(edge)}
 
     def _given_on_head(self) -> dict[str, Points]:
         """Return ears and a jaw whose ends the user has given, straight from the middle of the head.

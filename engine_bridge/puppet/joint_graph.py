@@ -161,6 +161,7 @@ def _hang(joints: Sequence[Joint], meanings: Sequence[JointMeaning | None], pare
             if group_of.get(index) != own
             and side * sides[index] >= 0
             and labels[index] in (None, "trunk", label or labels[index])
+            and not (index in firsts and label and meanings[index] == meanings[tops[top]])  # another whole limb
         }
         same = [each for each in allowed if np.allclose(joints[each].place, joints[top].place, 0, SAME_SHARE * size)]
         if parent < 0 and top != main and same:

@@ -1,5 +1,6 @@
 import re
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -197,6 +198,37 @@ def test_feet_that_hang_on_the_root_belong_to_the_legs_with_which_they_share_tri
     assert found.points.keys() == expected.points.keys()
     for name, chain in expected.points.items():
         assert_array_equal(found.points[name], chain)
+
+
+def test_legs_whose_roots_are_at_the_hips_hang_on_them():
+    """Parts of an armature may have no parent; hands that hang beside the hips are nearer to the thighs."""
+    own = [joint for joint in holding(skeleton(CONVENTIONS["Unreal"])[:-1]) if joint.name != "IK-foot.l"]
+    expected, hips = limbs_of_joints(own).limbs.points, next(j for j in own if j.name == "pelvis")
+    for number, joint in enumerate([*own]):
+        if joint.name.startswith("thigh"):
+            own[number] = replace(joint, parent=len(own))
+            own.append(replace(hips, parent=-1, name=joint.name.replace("thigh", "hip")))
+    found = limbs_of_joints(own).limbs.points
+    assert found.keys() == expected.keys()
+    for name in ("left leg", "right leg", "left arm", "head"):
+        assert_array_equal(found[name], expected[name])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_boxes_that_all_hang_on_a_root_at_the_floor_are_a_body_in_any_order(seed):
+    """As in animals of block games."""
+    boxes = {"head": ((0, 1.25, 0.62), 0.25), "body": ((0, 0.9, 0), 0.45)}
+    boxes |= {f"leg{k}": ((x, 0.75, z), 0.1) for k, (x, z) in enumerate(product((-0.25, 0.25), (-0.38, 0.38)))}
+    joints = [Joint("root", -1, np.zeros(3), NO_VERTICES)]
+    for name in np.random.default_rng(seed).permutation([*boxes]).tolist():
+        (x, y, z), half = boxes[name]
+        tall = np.array([half, 0.4 if name.startswith("leg") else half, 0.7 if name == "body" else half])
+        corners = np.array([*product((-1, 1), repeat=3)]) * tall
+        middle = [x, 0.4 if name.startswith("leg") else y, z]
+        joints.append(Joint(name, 0, np.array([x, y, z], float), corners + middle))
+    assert {name for name in limbs_of_joints(joints).limbs.points if "leg" in name} == {
+        f"{side} {row} leg" for side in ("left", "right") for row in ("front", "hind")
+    }
 
 
 def test_parts_on_joints_without_a_skin_are_the_body_and_those_on_a_skinned_body_are_carried(real_data):

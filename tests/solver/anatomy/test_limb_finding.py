@@ -197,6 +197,20 @@ def test_ears_and_horns_are_neither_arms_nor_wings(whole):
     )
     horns = both(((0.1, 1.75, 1.6), (0.5, 2.3, 1.7), 0.06))
     assert not {"left wing", "left arm"} & found(body_of([*DOG, *horns], 0.05)).keys()
+    wide = both(((0.1, 1.75, 1.35), (0.7, 2.6, 1.1), 0.08))
+    assert list(found(body_of([*DOG, *wide], 0.05))) == DOGS
+
+
+@pytest.mark.parametrize(("away", "left"), [(0.05, ["left wing", "right wing"]), (0.1, ["left arm", "left wing"])])
+def test_an_arm_along_a_wing_is_an_edge_of_it(person, away, left):
+    """The curves inside a penguin's flipper lead along both of its edges."""
+    finder = _Finder(person, np.eye(3), {})
+    way = np.array([[0.2, 1.4, 0.0], [0.5, 1.2, 0.0], [0.8, 1.0, 0.0]])
+    beside = way[:2] + np.array([0, 0, away * finder.unit])
+    limbs = {
+        f"{side} {name}": points for side in ("left", "right") for name, points in (("arm", beside), ("wing", way))
+    }
+    assert list(finder._without_edges(limbs))[:2] == left
 
 
 def test_ears_above_all_are_no_head():

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from engine_bridge.character.character import Character
 from engine_bridge.character.scene import tree, world_transforms
-from engine_bridge.puppet.part_joints import are_nested, part_joints, part_nodes
+from engine_bridge.puppet.skin_joints import are_nested, part_nodes
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +66,8 @@ class FileSkeleton:
 
     @classmethod
     def _of_parts(cls, character: Character) -> "FileSkeleton":
+        from engine_bridge.puppet.part_joints import part_joints  # it takes SciPy with it, which a service seldom needs
+
         parts = dict(zip(part_nodes(character), part_joints(character), strict=False))
         walk = tree(character.document)
         nodes = [node for node, _ in walk if node in parts]

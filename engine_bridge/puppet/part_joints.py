@@ -19,7 +19,7 @@ from engine_bridge.character.character import Character
 from engine_bridge.character.scene import tree, world_transforms
 from engine_bridge.puppet.joint_graph import LABEL_OF
 from engine_bridge.puppet.limb_nodes import node_labels
-from engine_bridge.puppet.skin_joints import Joint
+from engine_bridge.puppet.skin_joints import Joint, part_nodes, parts_above
 from solver.anatomy.orientation import spread
 
 SAMPLES = 200
@@ -102,18 +102,6 @@ class _Shape:
         return np.asarray(middle + END_SHARE * toward * length * axes[0])
 
 
-def part_nodes(character: Character) -> list[int]:
-    """Return the nodes that show the parts of a character."""
-    return sorted({part.node for part in character.parts})
-
-
-def are_nested(character: Character) -> bool:
-    """Return whether the file says how a body of parts hangs together: two parts are above another one."""
-    nodes = part_nodes(character)
-    above = _above(character, nodes)
-    return any(above[over] >= 0 for over in above if over >= 0)
-
-
 def part_joints(character: Character) -> list[Joint]:
     """Return a joint for each node of `part_nodes`, for a character without skins whose parts are not nested.
 
@@ -132,7 +120,7 @@ def part_joints(character: Character) -> list[Joint]:
     ]
     size = max(float(np.ptp(np.concatenate(surfaces), axis=(0, 1)).max()), 1e-12)
     shapes = [_Shape.of(corners) for corners in surfaces]
-    spanning = minimum_spanning_tree(csr_array(_costs(shapes, meanings, _above(character, nodes), size)))
+    spanning = minimum_spanning_tree(csr_array(_costs(shapes, meanings, parts_above(character, nodes), size)))
     _, parents = breadth_first_order(spanning, _first(spanning, meanings, surfaces), directed=False)
     labels, origins = node_labels(character.document), world_transforms(character.document)[:, :3, 3]
     joints = []
@@ -171,14 +159,6 @@ def without_ornaments(parts: Sequence[Joint]) -> list[Joint]:
             kept.add(row)
     rows = {row: place for place, row in enumerate(sorted(kept))}
     return [replace(parts[row], parent=rows.get(parts[row].parent, -1)) for row in rows]
-
-
-def _above(character: Character, nodes: Sequence[int]) -> list[int]:
-    """Return the row of the nearest shown node above each one, −1 for none."""
-    rows, found = {node: row for row, node in enumerate(nodes)}, dict[int, int]()
-    for node, parent in tree(character.document):
-        found[node] = -1 if parent is None else rows.get(parent, found[parent])
-    return [found[node] for node in nodes]
 
 
 def _names(character: Character, nodes: Sequence[int]) -> list[str]:

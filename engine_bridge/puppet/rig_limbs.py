@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from capture.bone_names import joint_meanings
 from engine_bridge.character.character import Character
 from engine_bridge.puppet.joint_graph import LABEL_OF, JointGraph, joint_graph
-from engine_bridge.puppet.part_joints import are_nested, part_joints, without_ornaments
-from engine_bridge.puppet.skin_joints import Joint, joints_of
+from engine_bridge.puppet.part_joints import part_joints, without_ornaments
+from engine_bridge.puppet.skin_joints import Joint, are_nested, joints_of
 from solver.anatomy.body_decision import Body, decide, load_weights
 from solver.anatomy.body_graph import LABELS, Pair
 from solver.anatomy.limb_chain import LimbChain, Limbs, evenly, leg_names

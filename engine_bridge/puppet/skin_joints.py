@@ -1,7 +1,7 @@
 """Joints of a character's file, and the vertices that follow them."""
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from engine_bridge.character.character import Character
 from engine_bridge.character.document import Document
-from engine_bridge.character.scene import influences, world_transforms
+from engine_bridge.character.scene import influences, tree, world_transforms
 from engine_bridge.puppet.limb_nodes import node_labels
 
 
@@ -79,6 +79,26 @@ def joints_of(character: Character) -> list[Joint]:
         vertices = character.vertices[owners == index]
         joints.append(Joint(name, above[index], places[node], vertices, labels[node], contacts[index]))
     return joints
+
+
+def part_nodes(character: Character) -> list[int]:
+    """Return the nodes that show the parts of a character."""
+    return sorted({part.node for part in character.parts})
+
+
+def are_nested(character: Character) -> bool:
+    """Return whether the file says how a body of parts hangs together: two parts are above another one."""
+    nodes = part_nodes(character)
+    above = parts_above(character, nodes)
+    return any(above[over] >= 0 for over in above if over >= 0)
+
+
+def parts_above(character: Character, nodes: Sequence[int]) -> list[int]:
+    """Return the row of the nearest shown node above each one, −1 for none."""
+    rows, found = {node: row for row, node in enumerate(nodes)}, dict[int, int]()
+    for node, parent in tree(character.document):
+        found[node] = -1 if parent is None else rows.get(parent, found[parent])
+    return [found[node] for node in nodes]
 
 
 def _contacts(triangles: NDArray[np.int64], count: int) -> list[Counter[int]]:

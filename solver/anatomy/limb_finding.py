@@ -101,7 +101,7 @@ class _Finder(LimbBranches):
         }
         edge, limb = sorted(lengths, key=lambda name: lengths[name])
         away = [
-            cKDTree(evenly(found[f"{side} {limb}"], 40)).query(evenly(found[f"{side} {edge}"], 20))[0].mean()
+            np.mean(cKDTree(evenly(found[f"{side} {limb}"], 40)).query(evenly(found[f"{side} {edge}"], 20))[0])
             for side in ("left", "right")
         ]
         if max(away) > MAX_EDGE_DISTANCE * self.unit:

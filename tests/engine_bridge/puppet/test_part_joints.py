@@ -6,9 +6,10 @@ from numpy.testing import assert_allclose
 
 from engine_bridge.character.character import load_character
 from engine_bridge.puppet.limb_nodes import node_labels
-from engine_bridge.puppet.part_joints import are_nested, part_joints, without_ornaments
+from engine_bridge.puppet.part_joints import part_joints, without_ornaments
 from engine_bridge.puppet.rig_bones import rig_bones
 from engine_bridge.puppet.rig_limbs import rig_limbs
+from engine_bridge.puppet.skin_joints import are_nested
 from solver.motion.limbs import TRUNK, Limb
 
 from ..character.conftest import QUADS, VERTICES

@@ -26,6 +26,7 @@ UNKNOWN = frozenset(("", "nan", "null", "none", "na", "n/a", "-", "inf", "-inf",
 
 _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _LABELLED = rf"(?:['\"]?[A-Za-z]+['\"]?\s*[:=]\s*)?{_NUMBER}"
+_NUMBERS = re.compile(_NUMBER)
 _VECTOR = re.compile(rf"(?:[A-Za-z]*[\[({{<])*\s*{_LABELLED}(?:[\s,;]+{_LABELLED}){{2,6}}\s*[\])}}>]*")
 _PAIR = re.compile(rf"[\[(]\s*{_NUMBER}\s*,\s*{_NUMBER}\s*[\])]")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
@@ -78,7 +79,11 @@ def number(cell: str) -> float | None:
 
 def vector(cell: str) -> list[float] | None:
     """Return the numbers of a cell such as ``(0.1, 1.2, 3)`` or ``x: 0.1 y: 1.2 z: 3``; None if it has not 3 to 7."""
-    return [float(each) for each in re.findall(_NUMBER, cell)] if _VECTOR.fullmatch(cell) else None
+    return [float(each) for each in _NUMBERS.findall(cell)] if _VECTOR.fullmatch(cell) else None
+
+
+def _is_plain_vector(cell: str) -> bool:
+    return vector(cell) is not None and not re.search("[:=]", cell)
 
 
 def _is_pair(cell: str) -> bool:
@@ -100,8 +105,7 @@ def split(lines: Sequence[Line]) -> Cells | None:
     lines = [(at, text.lstrip("#% ") if text.lstrip()[:1] in "#%" else text) for at, text in _whole_rows(lines)]
     if not lines:
         return None
-    separator = _separator([text for _, text in lines[:60]])
-    rows = [_row(text, separator) for _, text in lines]
+    separator, rows = _rows(lines)
     first = next((index for index, row in enumerate(rows) if _has_numbers(row)), None)
     if first is None:
         return None
@@ -127,6 +131,14 @@ def split(lines: Sequence[Line]) -> Cells | None:
             vectors[column] = sizes.most_common(1)[0][0]
     has_pairs = any(sum(map(_is_pair, row)) > width / 2 for row in body[:2])  # numbers may name the columns
     return Cells(_names(header, width), body, numbers, vectors, cut_off, has_pairs)
+
+
+def _rows(lines: Sequence[Line]) -> tuple[str | None, list[list[str]]]:
+    """Return the separator of lines, and their cells; groups of numbers without names are cells each."""
+    separator = _separator([text for _, text in lines[:60]])
+    if all(map(_is_plain_vector, _row(lines[0][1], separator)[:2])):
+        return None, [_NUMBERS.findall(text) for _, text in lines]
+    return separator, [_row(text, separator) for _, text in lines]
 
 
 def _is_digits(rows: Sequence[Sequence[str]]) -> bool:

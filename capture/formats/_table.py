@@ -39,6 +39,12 @@ NAME_COLUMNS = "Name the columns in the first line, or those of each joint in a 
 WIDTHS = (3, 4, 7)
 """Numbers of a joint without a header: x y z, then a state or a quaternion."""
 
+MAX_MISSING = 2
+"""Number of missing joints up to which a table that is no person's is told so."""
+
+GROUP_SIZES = range(4, 9)
+"""Numbers of a joint in a row in which each begins with the joint's number."""
+
 OTHER_LAYOUTS = {171: ("cad60", [*range(11, 165, 14), *range(155, 171, 4)])}
 """Joint set, and first columns of the joints, of tables without a header whose joints differ: CAD-60."""
 
@@ -173,7 +179,8 @@ class Table:
             if is_numbered and len({name.removesuffix(number) for name, number in numbers.items()}) == 1:
                 joints = {numbers[name]: own for name, own in joints.items()}
             return Layout(joints, fields) if is_numbered or is_person(list(joints)) else None
-        is_known = len(joints) > 1 or fields or self._joint_set_of_rows(next(iter(joints.values()))) is not None
+        is_known = len(joints) > 1 or fields or self._is_of_joints
+        is_known = is_known or self._joint_set_of_rows(next(iter(joints.values()))) is not None
         return Layout(joints, fields) if is_known else None
 
     def _mapped(self, path: Path) -> Layout:
@@ -244,7 +251,7 @@ class Table:
         own = dict(zip((*AXES, "state"), range(self.width), strict=False))
         if self.width in (3, 4) and self._joint_set_of_rows(own):
             return [Layout({f"{UNNAMED}0": own}, {})]
-        return self._numbered_rows()
+        return self._numbered_rows() or self._numbered_groups()
 
     def _numbered_rows(self) -> list[Layout]:
         """Return the layout of rows that have a joint's number, which begins again at 0 or 1, before x, y and z."""
@@ -257,6 +264,23 @@ class Table:
             if is_joint and all(number(row[column + 3]) is not None for row in self.cells.rows[:count]):
                 own = {axis: column + 1 + k for k, axis in enumerate(AXES)}
                 return [Layout({f"{UNNAMED}0": own}, {"joint": column} | ({"frame": column - 1} if column else {}))]
+        return []
+
+    def _numbered_groups(self) -> list[Layout]:
+        """Return the layout of rows in which each joint's number stands before its x, y and z."""
+        first, *others = self.cells.rows
+        fixed = [cell.isdecimal() and all(row[column] == cell for row in others) for column, cell in enumerate(first)]
+        for size, start in itertools.product(GROUP_SIZES, range(MAX_EXTRA_COLUMNS + 1)):
+            columns = range(start, self.width - size + 1, size)
+            if len(columns) > 4 and all(fixed[column] for column in columns):
+                numbers = [int(first[column]) for column in columns]
+                roles = (*AXES, "state")[: size - 1]
+                joints = {
+                    str(number): {role: column + 1 + k for k, role in enumerate(roles)}
+                    for number, column in zip(numbers, columns, strict=True)
+                }
+                if numbers == sorted(set(numbers)):
+                    return [Layout(joints, {"time": start - 1} if start else {})]
         return []
 
     def _are_numbered(self) -> bool:
@@ -273,6 +297,11 @@ class Table:
             if chosen in (None, name) and 0 <= extra <= MAX_EXTRA_COLUMNS:
                 for before in range(extra + 1):
                     yield name, list(range(before, before + size * len(joints), size)), size
+
+    @property
+    def _is_of_joints(self) -> bool:
+        """Whether a name says that a row is a joint."""
+        return any(set(name.lower().replace("_", " ").split()) & WORDS["joint"] for name in self._names)
 
     def joints_per_frame(self, layout: Layout) -> int:
         """Return how many rows a frame has, if each row is a joint."""
@@ -292,8 +321,7 @@ class Table:
             count = len(rows) // len(joints)
             if self.options.joints in (None, name) and count:
                 best += fits(rows[: count * len(joints)].reshape(count, -1, 3), [name])
-        is_named = any(set(name.lower().replace("_", " ").split()) & WORDS["joint"] for name in self._names)
-        if not (self.options.joints or is_named):  # points of a mesh are rows of x y z too
+        if not (self.options.joints or self._is_of_joints):  # points of a mesh are rows of x y z too
             best = [fit for fit in best if fit.misfit < MAX_MISFIT]
         return min(best, key=lambda fit: fit.misfit).name if best else None
 
@@ -314,7 +342,7 @@ class Table:
             missing = missing_joints([column.joint for column in columns if column.role == "z"])
             # a shoulder without an elbow may be a collar
             missing = [joint for joint in missing if not joint.startswith("shoulder")]
-            if missing and "hip_center" not in missing:
+            if 0 < len(missing) <= MAX_MISSING:
                 found += f", which have no {' and '.join(missing)}"
             if self.cells.has_pairs or (roles >= {"x", "y"} and "z" not in roles):
                 self.refuse(f"{found}, which have no z: positions in a picture", IN_SPACE)

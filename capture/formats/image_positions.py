@@ -2,7 +2,8 @@
 
 x and y are shares of the image's width and height, or pixels. z, the depth from the hips, is a share of its width. The
 ratio of the image's sides and the factor of the depths are those with which the body comes closest to the proportions
-of a typical one. For pixels, the image is the smallest common one that has the body in it.
+of a typical one, and its bones keep their lengths best. For pixels, the image is the smallest common one that has the
+body in it.
 """
 
 import warnings
@@ -30,7 +31,7 @@ MAX_OUTSIDE = 2.0
 SIZES = ((640, 480), (480, 640), (1280, 720), (720, 1280), (1920, 1080), (1080, 1920), (3840, 2160), (2160, 3840))
 """Common widths and heights of images, the smallest ones first."""
 
-DEPTHS = (1.0, 0.5, 0.25)
+DEPTHS = (1.0, 0.5, 0.25, 0.125)
 """Factors of the depths that are tried; trackers exaggerate them."""
 
 PIXEL_DEPTH_SHARE = 0.02
@@ -70,20 +71,25 @@ def unit_of(points: Floats) -> tuple[Floats, str]:
         for depth in DEPTHS
     }
     size, depth = min(misfits, key=misfits.__getitem__)
-    if _misfit(points) < misfits[size, depth]:  # they have one unit
+    if kind == "shares" and _misfit(points) < misfits[size, depth]:  # they have one unit
         return np.ones(3), ""
     note = f"x and y are {kind} of an image, which is assumed to have {size}. Depths of such positions are rough."
     return np.multiply(units[size], [1, 1, depth]), note
 
 
 def _misfit(points: Floats) -> float:
-    """Return how much bones, and hips and shoulders, differ in their proportions from those of a typical person."""
+    """Return how much bones, and hips and shoulders, differ in their proportions from those of a typical person.
+
+    A bone that changes its length adds to it.
+    """
     with warnings.catch_warnings(action="ignore"):  # joints that are always lost
+        lengths = np.array([bone_length(points, *bone) for bone in BONES])
+        spread = np.nanmean(np.nanstd(lengths, axis=1) / np.nanmean(lengths, axis=1))
         wide = [np.nanmedian(bone_length(points, f"{joint}_left", f"{joint}_right")) for joint in ("shoulder", "hip")]
-        tall = [np.nanmedian(bone_length(points, *bone)) for bone in BONES]
+        tall = np.nanmedian(lengths, axis=1)
         expected = TYPICAL_WIDTHS_METRES / sum(typical_bone_length(bone) for bone, _ in BONES)
         deviation = np.nanmean(np.abs(np.log(bone_ratios(points))))
-        return float(deviation + abs(np.log(np.nansum(wide) / np.nansum(tall) / expected)))
+        return float(deviation + spread + abs(np.log(np.nansum(wide) / np.nansum(tall) / expected)))
 
 
 def _middle(points: Floats, joint: str) -> Floats:

@@ -182,6 +182,8 @@ def _pose(value: Any) -> _Pose | None:
     """Return the pose that a value is; None if it is none."""
     if isinstance(value, dict):
         own = {name: point for name, each in value.items() if (point := _point(each)) is not None}
+        if len(own) == len(value) in _SIZES and all(key.isdecimal() for key in own):
+            return _Pose(None, list(own.values()))
         return _Pose(tuple(own), list(own.values())) if len(own) > 5 and is_person(list(own)) else None
     if not isinstance(value, list) or len(value) < min(_SIZES):
         return None

@@ -14,21 +14,21 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 MARKERS = {
-    "front": "asi asis fwt",
-    "back": "psi psis bwt",
-    "sacrum": "sacr vsac vsacral s2 sacrum",
+    "front": "asi asis fwt waistf waistfront hipf",
+    "back": "psi psis bwt waistb hipb",
+    "sacrum": "sacr vsac vsacral s2 sacrum waistback",
     "hip": "hjc hipjoint",
     "knee": "kjc kneejoint",
     "knee sides": "kne knee mknee lfc mfc",
     "ankle": "ajc anklejoint",
     "ankle sides": "ank ankle mankle lmal mmal",
-    "foot": "toe toetip mt2 mt1 mt5",
-    "heel": "hee heel cal calc",
+    "foot": "toe to toetip mt2 mt1 mt5 forefoot bigtoe",
+    "heel": "hee heel cal calc heelback",
     "shoulder": "sho acromium acromion acr shoulder acrotip",
     "elbow": "elb elbow elbm melbow lel mel",
-    "wrist": "wra wrb wrist faradius faulna",
-    "hand": "fin mcp3",
-    "head sides": "fhd bhd temple",
+    "wrist": "wri wra wrb w wrist faradius faulna radius ulna",
+    "hand": "fin finger hand mcp3",
+    "head sides": "fhd bhd temple hea thea fhea head headf headb headfront",
     "neck": "c7 clav sternum",
 }
 """Names of markers, without the side, by what they are at."""
@@ -36,8 +36,13 @@ MARKERS = {
 BELL = 0.36, 0.19, 0.30
 """Distances of a hip from the middle of the pelvis's front, outwards, backwards and down, in widths of the pelvis."""
 
-_SIDE_OF_JOINT = re.compile("(lat|med|lateral|medial|radius|ulna|reg|study|v)+$")
+_SIDE_OF_JOINT = re.compile("(lat|med|lateral|medial|radius|ulna|reg|study|v|in|out|top|[0-9])+$")
 """Ends of names that tell the side of a joint, or how a program has placed the marker."""
+
+_WORD = re.compile("[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[0-9]+")
+_CORNER = re.compile("(?<![A-Za-z])([FB])([LR])(?![A-Za-z])", re.IGNORECASE)
+"""Front or back, and the side: Hip_FL."""
+_SIDES = {"l": "Left", "left": "Left", "r": "Right", "right": "Right"}
 
 _PLACES = {word: place for place, words in MARKERS.items() for word in words.split()}
 _NEEDED = "knee", "ankle", "shoulder", "elbow"
@@ -62,21 +67,26 @@ def has_markers(names: Sequence[str]) -> bool:
 
 
 def _own(names: Sequence[str]) -> list[str]:
-    """Return names without the word that they all begin with, or their namespace."""
-    is_shared = len({re.split("[:|_]", name)[0] for name in names}) == 1
-    return [re.split("[:|_]", name, maxsplit=1)[-1] if is_shared else re.split("[:|]", name)[-1] for name in names]
+    """Return names without their namespace and the word that they all begin with."""
+    own = [re.split("[:|]", name)[-1] for name in names]
+    is_shared = len({name.split("_")[0] for name in own}) == 1
+    return [name.split("_", maxsplit=1)[-1] for name in own] if is_shared else own
 
 
 def _place(name: str) -> tuple[str, str] | None:
     """Return what a marker is at, and its side; None for others."""
-    full = re.sub(r"[^a-z0-9]", "", name.lower())
+    words = [word.lower() for word in _WORD.findall(_CORNER.sub(r"\1_\2", name))]
+    side = next((word for word in words if word in _SIDES), "")
+    if side:  # LElbowOut, HeadL, r_knee
+        words.remove(side)
+    full = side[:1] + "".join(words)
     for own in (full, _SIDE_OF_JOINT.sub("", full)):
         if own in _PLACES:
             return _PLACES[own], ""
-        for side, word in (("Left", "l"), ("Right", "r")):
-            for rest in (own.removeprefix(word), own.removesuffix(word)):
+        for letter in ("l", "r"):
+            for rest in (own.removeprefix(letter), own.removesuffix(letter)):
                 if rest != own and rest in _PLACES:
-                    return _PLACES[rest], side
+                    return _PLACES[rest], _SIDES[letter]
     return None
 
 

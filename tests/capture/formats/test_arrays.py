@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from capture.formats import arrays, smpl
 from capture.formats.layouts import JOINT_SETS
 from capture.formats.proportions import bone_ratios
-from capture.skeleton import JOINT_INDEX
+from capture.skeleton import JOINT_INDEX, JOINTS
 from puppetline.errors import SkeletonLogError
 
 from .test_positions import joints_as, person
@@ -51,10 +51,25 @@ def test_matlab_files_and_a_rate_in_the_file(read, tmp_path):
 
 def test_the_variables_of_a_matlab_file_without_arrays_are_named(read, tmp_path):
     for do_compression in (False, True):
-        take = {"data": person().reshape(6, -1), "freq": 120.0}
+        take = {"by": "someone", "place": "x"}
         savemat(tmp_path / "take.mat", {"walk1": take, "author": "x"}, do_compression=do_compression)
-        with pytest.raises(SkeletonLogError, match=r"walk1 \(structure of data, freq\); author \(text\)"):
+        with pytest.raises(SkeletonLogError, match=r"walk1 \(structure of by, place\); author \(text\)"):
             read(arrays, (tmp_path / "take.mat").read_bytes())
+
+
+@pytest.mark.parametrize("do_compression", [False, True])
+def test_structures_with_positions_beside_their_names_or_called_like_joints(read, tmp_path, do_compression):
+    """The MoCap Toolbox has the first, and programs for Qualisys the second."""
+    named = np.array(JOINTS, dtype=object)
+    takes = [
+        {"freq": 60.0, "markerName": named[:, None], "data": person().reshape(len(person()), -1)},
+        dict(zip(JOINTS, person().transpose(1, 0, 2), strict=True)) | {"freq": 60.0},
+    ]
+    for take in takes:
+        savemat(tmp_path / "take.mat", {"walk": take, "author": "x"}, do_compression=do_compression)
+        [clip] = read(arrays, (tmp_path / "take.mat").read_bytes())
+        np.testing.assert_array_equal(clip.positions, person())
+        assert clip.times[3] == 0.05
 
 
 def test_smpl_parameters_turn_the_bones(read):

@@ -123,3 +123,21 @@ def test_markers_may_be_columns_of_any_table(tmp_path, namespace, header_rows):
 def test_a_rate_replaces_the_times_of_trc(tmp_path):
     (clip,) = read_log(trc(tmp_path / "a.trc", body()), ReadOptions(fps=50))
     np.testing.assert_allclose(np.diff(clip.times), 0.02)
+
+
+@pytest.mark.parametrize(
+    "spellings",
+    [
+        {"KNE": "{}KneeOut", "WRA": "{}WristIn", "WRB": "{}WristOut", "FHD": "Head{}", "TOE": "{}Forefoot5"},
+        {"KNE": "Knee_{}", "WRA": "Radius_{}", "WRB": "Ulna_{}", "FHD": "Head_F{}", "BHD": "Head_B{}"},
+        {"WRA": "{}W1", "WRB": "{}W2", "TOE": "{}.TO", "FHD": "{}HEA"},
+    ],
+)
+def test_programs_spell_the_same_markers_in_other_ways(tmp_path, spellings):
+    """Qualisys, the MoCap Toolbox, and Motion Analysis."""
+    other = {}
+    for name, place in body().items():
+        own = spellings.get(name[1:], "{}" + name[1:])
+        other["Q_" + (own.format(name[0]) if name[0] in "LR" else name)] = place
+    clips = [read_log(trc(tmp_path / f"{k}.trc", at), ReadOptions())[0] for k, at in enumerate((body(), other))]
+    np.testing.assert_allclose(clips[1].positions, clips[0].positions, atol=1e-9)

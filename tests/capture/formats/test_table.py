@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from capture.formats import table
 from capture.formats._cells import vector
+from capture.formats.layouts import JOINT_SETS
 from capture.formats.options import ReadOptions
 from capture.skeleton import JOINT_INDEX, JOINTS
 
@@ -270,3 +271,19 @@ def test_one_pose_may_be_the_whole_file(read):
     assert table.matches(content.encode())
     [clip] = read(table, content)
     assert len(clip.times) == 1
+
+
+@pytest.mark.parametrize("form", ["{k},{x},{y},{z},0.9", "{k} {x} {y} {z}", "[{k};{x};{y};{z}]"])
+def test_the_number_of_a_joint_may_stand_before_its_position_in_a_row(read, form):
+    """Some of the landmarks suffice, and a header that is shorter than the rows says nothing."""
+    names = JOINT_SETS["mediapipe"]
+    numbers = [0, *range(11, 17), *range(23, 33)]
+    own = joints_as(names)
+    lines = ["Time,Landmark,X,Y,Z"] if "0.9" in form else []
+    for index, pose in enumerate(own):
+        x_y_z = [dict(zip("xyz", map("{:.6f}".format, pose[k]), strict=True)) for k in numbers]
+        cells = [form.format(k=k, **each) for k, each in zip(numbers, x_y_z, strict=True)]
+        lines.append(",".join(([str(40 * index)] if "0.9" in form else []) + cells))
+    [clip] = read(table, lines)
+    arms = [JOINT_INDEX[f"{joint}_{side}"] for joint in LIMBS for side in ("left", "right")]
+    np.testing.assert_allclose(clip.positions[:, arms], person()[:, arms], atol=1e-5)

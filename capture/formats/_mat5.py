@@ -167,6 +167,8 @@ def variables(data: bytes) -> dict[str, Variable]:
 
 def _variable(content: memoryview, *, order: Order) -> tuple[str, Variable]:
     """Return the name of an array, and the array, whose element has this content."""
+    if not content:  # an empty field
+        return "", Variable((0,), "nothing", content, False, order)
     flags, shape, name, _ = _array_head(content, order)
     what = OTHER_CLASSES.get(flags & 0xFF, "unknown data")
     if flags & 0xFF in NUMBER_CLASSES:

@@ -22,7 +22,7 @@ MARKERS = {
     "knee sides": "kne knee mknee lfc mfc",
     "ankle": "ajc anklejoint",
     "ankle sides": "ank ankle mankle lmal mmal",
-    "foot": "toe to toetip mt2 mt1 mt5 forefoot bigtoe",
+    "toe": "toe to toetip mt2 mt1 mt5 forefoot bigtoe",
     "heel": "hee heel cal calc heelback",
     "shoulder": "sho acromium acromion acr shoulder acrotip",
     "elbow": "elb elbow elbm melbow lel mel",
@@ -45,8 +45,8 @@ _CORNER = re.compile("(?<![A-Za-z])([FB])([LR])(?![A-Za-z])", re.IGNORECASE)
 _SIDES = {"l": "Left", "left": "Left", "r": "Right", "right": "Right"}
 
 _PLACES = {word: place for place, words in MARKERS.items() for word in words.split()}
-_NEEDED = "knee", "ankle", "shoulder", "elbow"
-_JOINTS = ("knee", "ankle", "foot", "shoulder", "elbow", "wrist", "hand")
+_NEEDED = "shoulder", "elbow"
+_JOINTS = ("knee", "ankle", "toe", "shoulder", "elbow", "wrist", "hand")
 
 
 def joints_of_markers(names: Sequence[str], positions: Floats) -> dict[str, Floats]:

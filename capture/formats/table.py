@@ -79,7 +79,7 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
     SkeletonLogError
         A row has too few or too many cells, a coordinate is no number, the joints are no person's or in no known order.
     """
-    table = Table(path, read_lines(path), options)
+    table = Table(path, read_lines(path, errors="replace"), options)
     found = [
         (user if len(table.layouts) == 1 else number, _performer(table, layout, rows))
         for number, layout in enumerate(table.layouts)
@@ -110,7 +110,7 @@ def columns(path: Path, options: ReadOptions) -> dict[str, str]:
     SkeletonLogError
         The file is no table of joint positions.
     """
-    table = Table(path, read_lines(path), options)
+    table = Table(path, read_lines(path, errors="replace"), options)
     meanings: dict[int, str] = {}
     for user, layout in enumerate(table.layouts):
         meanings |= {column: role for role, column in layout.fields.items()}

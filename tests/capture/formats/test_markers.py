@@ -73,6 +73,14 @@ def test_hips_follow_from_the_pelvis(tmp_path, front, back):
     assert hips[0][1] - knee[1] == pytest.approx(-0.3 * 0.24 + 0.54, abs=1e-6)
 
 
+def test_legs_without_knees_and_ankles_are_lost(tmp_path):
+    at = {name: place for name, place in body().items() if "KNE" not in name and "ANK" not in name}
+    at = {name: place for name, place in at.items() if "Knee" not in name and "Ankle" not in name}
+    (clip,) = read_log(trc(tmp_path / "a.trc", at), ReadOptions())
+    lost = {name for name, index in JOINT_INDEX.items() if np.isnan(clip.positions[:, index]).any()}
+    assert lost == {f"{joint}_{side}" for joint in ("knee", "ankle") for side in ("left", "right")}
+
+
 def test_markers_of_a_leg_are_no_performer(tmp_path):
     at = {name: place for name, place in body().items() if name.startswith("L")}
     with pytest.raises(SkeletonLogError, match=r"no position for .*shoulder_right.* or all markers of Plug-in Gait"):

@@ -79,6 +79,7 @@ def number(cell: str) -> float | None:
 
 def vector(cell: str) -> list[float] | None:
     """Return the numbers of a cell such as ``(0.1, 1.2, 3)`` or ``x: 0.1 y: 1.2 z: 3``; None if it has not 3 to 7."""
+    cell = cell.replace("/", " ") if cell.count(".") > 1 else cell  # a date has slashes too
     return [float(each) for each in _NUMBERS.findall(cell)] if _VECTOR.fullmatch(cell) else None
 
 
@@ -136,9 +137,11 @@ def split(lines: Sequence[Line]) -> Cells | None:
 def _rows(lines: Sequence[Line]) -> tuple[str | None, list[list[str]]]:
     """Return the separator of lines, and their cells; groups of numbers without names are cells each."""
     separator = _separator([text for _, text in lines[:60]])
-    if all(map(_is_plain_vector, _row(lines[0][1], separator)[:2])):
-        return None, [_NUMBERS.findall(text) for _, text in lines]
-    return separator, [_row(text, separator) for _, text in lines]
+    rows = [_row(text, separator) for _, text in lines]
+    numbered = int(all(cell.isdecimal() for cell in rows[0]))
+    if len(rows) > numbered and all(map(_is_plain_vector, rows[numbered][:2])):
+        return None, [_NUMBERS.findall(text) if index >= numbered else [] for index, (_, text) in enumerate(lines)]
+    return separator, rows
 
 
 def _is_digits(rows: Sequence[Sequence[str]]) -> bool:

@@ -235,6 +235,8 @@ class Table:
         """Return the layout without names in which the columns are a person's joints, if there is one."""
         if self.cells.has_pairs or (any(self._names) and not self._are_numbered()):
             return []
+        if groups := self._numbered_groups():
+            return groups
         found: list[tuple[Fit, Layout]] = []
         for name, starts, size in self._candidates():
             sample = np.stack([self.positions({"x": x, "y": x + 1, "z": x + 2}) for x in starts], axis=1)
@@ -251,7 +253,7 @@ class Table:
         own = dict(zip((*AXES, "state"), range(self.width), strict=False))
         if self.width in (3, 4) and self._joint_set_of_rows(own):
             return [Layout({f"{UNNAMED}0": own}, {})]
-        return self._numbered_rows() or self._numbered_groups()
+        return self._numbered_rows()
 
     def _numbered_rows(self) -> list[Layout]:
         """Return the layout of rows that have a joint's number, which begins again at 0 or 1, before x, y and z."""
@@ -262,9 +264,21 @@ class Table:
             expected = (str(first + index % count) for index in range(3 * count))
             is_joint = count > 4 and all(cell == each for cell, each in zip(numbers, expected, strict=False))
             if is_joint and all(number(row[column + 3]) is not None for row in self.cells.rows[:count]):
-                own = {axis: column + 1 + k for k, axis in enumerate(AXES)}
-                return [Layout({f"{UNNAMED}0": own}, {"joint": column} | ({"frame": column - 1} if column else {}))]
+                own = self._with_best_depth(column, count)
+                return [Layout({f"{UNNAMED}0": own}, {"joint": column} | ({"time": column - 1} if column else {}))]
         return []
+
+    def _with_best_depth(self, column: int, count: int) -> dict[str, int]:
+        """Return the columns of x, y and that z, of those after them, with which `count` joints are a person."""
+        names = [name for name, joints in JOINT_SETS.items() if len(joints) == count]
+        layouts = []
+        for z in range(column + 3, self.width):
+            own = {"x": column + 1, "y": column + 2, "z": z}
+            if any(number(row[z]) is None for row in self.cells.rows[:count]):
+                break
+            whole = self.positions(own)[: len(self.cells.rows) // count * count]
+            layouts += [(fit.misfit, z, own) for fit in fits(whole.reshape(-1, count, 3), names)[:1]]
+        return min(layouts)[2] if layouts else {axis: column + 1 + k for k, axis in enumerate(AXES)}
 
     def _numbered_groups(self) -> list[Layout]:
         """Return the layout of rows in which each joint's number stands before its x, y and z."""

@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 
 MARKERS = {
     "front": "asi asis fwt waistf waistfront hipf",
-    "back": "psi psis bwt waistb hipb",
+    "back": "psi psis bwt backasis waistb hipb",
     "sacrum": "sacr vsac vsacral s2 sacrum waistback",
     "hip": "hjc hipjoint",
     "knee": "kjc kneejoint",
@@ -28,7 +28,7 @@ MARKERS = {
     "elbow": "elb elbow elbm melbow lel mel",
     "wrist": "wri wra wrb w wrist faradius faulna radius ulna",
     "hand": "fin finger hand mcp3",
-    "head sides": "fhd bhd temple hea thea fhea head headf headb headfront",
+    "head sides": "fhd bhd temple hea thea fhea head headf headb headfront headback headtamp",
     "neck": "c7 clav sternum",
 }
 """Names of markers, without the side, by what they are at."""

@@ -62,6 +62,9 @@ Y_PREFERENCE = np.array([1.0, 1.5, 1.0])
 FLOOR, FLOOR_SPREAD = (-0.03, 0.15), 0.1
 """Range of the height of a body's lowest joint above a floor at 0, and how much it varies, in statures."""
 
+MAX_RISE = 1.0
+"""How far a body rises at most while its floor stays where it is, in statures."""
+
 MIN_MOTION = 0.05
 """Motion of a joint along an axis below which the heights along this axis tell nothing, in statures."""
 
@@ -245,8 +248,10 @@ def _up(points: Floats, options: ReadOptions, stature: float | None, *, in_image
     sign = 1.0 if body[axis] > 0 else -1.0
     name = f"{'−' if sign < 0 else ''}{'xyz'[axis]}"
     if stature is not None and not _has_floor(sign * points[..., axis] / stature, 2.0):
-        for other in (1, 2):  # a lying body
-            if other != axis and _has_floor(points[..., other] / stature, 1.0):
+        with warnings.catch_warnings(action="ignore"):  # frames without joints
+            way = np.ptp(np.nanpercentile(np.nanmin(sign * points[..., axis] / stature, axis=1), [5, 95]))
+        for other in (1, 2):  # a lying body, or one that crawls: nobody rises as far
+            if other != axis and _has_floor(points[..., other] / stature, 2.0 if way > MAX_RISE else 1.0):
                 note = f"Up is assumed to be {'xyz'[other]}, from the floor at 0 on which the body lies."
                 return np.eye(3)[other], note
     return sign * np.eye(3)[axis], f"Up is assumed to be {name}, the direction from feet to head."

@@ -53,8 +53,12 @@ Rigs call hand or foot where it begins, at wrist or ankle. In a skeleton that ha
 _HEADS = (("ear_left", "ear_right"), ("eye_left", "eye_right"), ("nose",), ("head_top",))
 """Points whose middle replaces a head that has no name, in order of priority."""
 
-_REQUIRED = ("hip_center", *(f"{joint}_{side}" for side in _SIDES for joint in ("shoulder", "elbow")))
-"""Joints without which positions are no person's; all others may be lost."""
+_ELBOWS, _WRISTS, _HANDS, _KNEES = (
+    {f"{joint}_{side}" for side in _SIDES} for joint in ("elbow", "wrist", "hand", "knee")
+)
+_REQUIRED = ("hip_center", *(f"shoulder_{side}" for side in _SIDES))
+"""Joints without which positions are no person's; elbows too, if there are wrists or no knees. All others may be lost.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +184,8 @@ def missing_joints(names: Sequence[str]) -> list[str]:
 
 def _missing(sources: Mapping[str, object]) -> list[str]:
     found = {*sources, *(joint for joint, pair in MIDPOINTS.items() if sources.keys() >= set(pair))}
-    return [joint for joint in _REQUIRED if joint not in found]
+    needs_elbows = bool(found & (_WRISTS | _HANDS)) or not found >= _KNEES
+    return [joint for joint in (*_REQUIRED, *(sorted(_ELBOWS) if needs_elbows else ())) if joint not in found]
 
 
 def _is_origin(positions: Floats, at_origin: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -208,6 +213,8 @@ def _sources(names: Sequence[str]) -> tuple[dict[str, tuple[int, ...]], dict[str
                 sources[f"{end}_{side}"] = (bones.pop(f"{side}{bone}"),)
     for joint, candidates in BONES.items():
         points = [tuple(landmarks[point]) for point in _LANDMARKS.get(joint, ()) if point in landmarks]
+        if joint.startswith("shoulder_") and candidates[0].replace("Upper", "Lower") not in bones:  # no collar then
+            candidates = (*candidates, candidates[0].replace("UpperArm", "Shoulder"))
         own: list[tuple[int, ...]] = [(bones[bone],) for bone in candidates if bone in bones]
         own = own + points if joint.startswith(("hand", "foot")) else points + own
         if joint == "spine" and not own and "hips" in bones and sources["hip_center"] != (bones["hips"],):

@@ -23,7 +23,9 @@ def saved(function=np.save, *content, **named):
     return buffer.getvalue()
 
 
-@pytest.mark.parametrize("name", ["kinect_v1", "utd_mhad", "msr_action3d", "human36m", "kinect_v2", "mediapipe"])
+@pytest.mark.parametrize(
+    "name", ["kinect_v1", "utd_mhad", "msr_action3d", "human36m", "kinect_v2", "mediapipe", "mediapipe_22"]
+)
 @pytest.mark.parametrize("axes", [(0, 1, 2), (1, 2, 0), (2, 0, 1)])
 def test_the_order_of_joints_and_axes_is_found(read, name, axes):
     joints = joints_as(JOINT_SETS[name])

@@ -61,7 +61,7 @@ def test_joints_lie_between_the_markers_on_both_sides_of_them(tmp_path, separato
     assert (clip.positions[:, JOINT_INDEX["head"], 1] > clip.positions[:, JOINT_INDEX["hip_center"], 1]).all()
 
 
-@pytest.mark.parametrize(("front", "back"), [("ASI", "PSI"), ("FWT", "BWT")])
+@pytest.mark.parametrize(("front", "back"), [("ASI", "PSI"), ("FWT", "BWT"), ("ASIS", "BackAsis")])
 def test_hips_follow_from_the_pelvis(tmp_path, front, back):
     at = {name: place for name, place in body().items() if not name.endswith("HJC")}
     for sign, letter in ((-1, "L"), (1, "R")):

@@ -205,6 +205,14 @@ def test_a_missing_head_continues_the_neck_and_zeros_are_lost_but_for_hips_in_th
     assert np.argwhere(clip.confidence == 0).tolist() == [[2, JOINT_INDEX["hand_left"]]]
 
 
+def test_a_person_without_arms_has_no_arms():
+    names = [joint for joint in JOINTS if not joint.startswith(("elbow", "wrist", "hand"))]
+    own = [JOINT_INDEX[joint] for joint in names]
+    clip = clip_of_positions(PATH, "table", names, person()[:, own], OPTIONS)
+    np.testing.assert_allclose(clip.positions[:, own], person()[:, own], atol=1e-12)
+    assert np.isnan(np.delete(clip.positions, own, axis=1)).all()
+
+
 def test_the_first_frame_with_hips_is_the_one_that_is_placed():
     poses = 100 * person()
     poses[0, JOINT_INDEX["hip_center"]] = np.nan

@@ -287,3 +287,25 @@ def test_the_number_of_a_joint_may_stand_before_its_position_in_a_row(read, form
     [clip] = read(table, lines)
     arms = [JOINT_INDEX[f"{joint}_{side}"] for joint in LIMBS for side in ("left", "right")]
     np.testing.assert_allclose(clip.positions[:, arms], person()[:, arms], atol=1e-5)
+
+
+@pytest.mark.parametrize(("form", "first"), [("[{x}, {y}, {z}]", ",".join(map(str, range(33)))), ("{x}/{y}/{z}", None)])
+def test_a_cell_may_be_a_joint_whose_name_is_its_number_or_have_slashes(read, form, first):
+    cells = [[form.format(**dict(zip("xyz", point, strict=True))) for point in pose] for pose in joints_as(BLAZEPOSE)]
+    lines = [",".join(f'"{cell}"' for cell in row) for row in cells]
+    [clip] = read(table, [first or ",".join(BLAZEPOSE), *lines])
+    arms = [JOINT_INDEX[f"{joint}_{side}"] for joint in LIMBS for side in ("left", "right")]
+    np.testing.assert_allclose(clip.positions[:, arms], person()[:, arms], atol=1e-9)
+
+
+def test_the_depth_of_several_columns_is_that_of_a_person(read):
+    """RealSense's depth in millimetres stands between MediaPipe's y and z."""
+    lines = [
+        f"{40 * frame + 0.5}, {joint}, {x:.6f}, {y:.6f}, {1400 + 7 * (joint % 5)}, {z:.6f}"
+        for frame, pose in enumerate(joints_as(BLAZEPOSE))
+        for joint, (x, y, z) in enumerate(pose)
+    ]
+    [clip] = read(table, lines)
+    known = [JOINT_INDEX[joint] for joint in ("elbow_left", "wrist_right", "knee_left", "ankle_right")]
+    np.testing.assert_allclose(clip.positions[:, known], person()[:, known], atol=1e-5)
+    np.testing.assert_allclose(np.diff(clip.times), 0.04)

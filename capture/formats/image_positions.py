@@ -87,7 +87,8 @@ def _misfit(points: Floats) -> float:
         spread = np.nanmean(np.nanstd(lengths, axis=1) / np.nanmean(lengths, axis=1))
         wide = [np.nanmedian(bone_length(points, f"{joint}_left", f"{joint}_right")) for joint in ("shoulder", "hip")]
         tall = np.nanmedian(lengths, axis=1)
-        expected = TYPICAL_WIDTHS_METRES / sum(typical_bone_length(bone) for bone, _ in BONES)
+        typical = np.array([typical_bone_length(bone) for bone, _ in BONES])
+        expected = TYPICAL_WIDTHS_METRES / typical[np.isfinite(tall)].sum()
         deviation = np.nanmean(np.abs(np.log(bone_ratios(points))))
         return float(deviation + spread + abs(np.log(np.nansum(wide) / np.nansum(tall) / expected)))
 

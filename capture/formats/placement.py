@@ -104,17 +104,32 @@ class Placement:
         return turned * self.unit + self.shift
 
 
-def without_far_frames(path: Path, points: Floats, options: ReadOptions) -> tuple[Floats, tuple[str, ...]]:
-    """Return points (T, 20, 3) without the few frames that are too far from the others, and a note on these.
+@dataclass(frozen=True, slots=True)
+class Size:
+    """The height of a body in units of the file, the metres of a unit, and the note on it."""
 
-    Decoders and trackers that fail write such frames. If there are many, they are kept.
+    stature: float
+    unit: float
+    note: str
+
+
+def size_of(path: Path, points: Floats, options: ReadOptions) -> Size:
+    """Return the size of the body whose points (T, 20, 3) are in the unit of the file.
 
     Raises
     ------
     SkeletonLogError
         The body has no size.
     """
-    unit, _ = _unit(_stature(path, points), options)
+    stature = _stature(path, points)
+    return Size(stature, *_unit(stature, options))
+
+
+def without_far_frames(points: Floats, unit: float) -> tuple[Floats, tuple[str, ...]]:
+    """Return points (T, 20, 3) without the few frames that are too far from the others, and a note on these.
+
+    Decoders and trackers that fail write such frames. If there are many, they are kept. `unit` is in metres.
+    """
     with warnings.catch_warnings(action="ignore"):  # a joint that is never known
         away = np.abs(points - np.nanmedian(points, axis=(0, 1))) * unit > MAX_DISTANCE_METRES
     far = np.any(away, axis=(1, 2), keepdims=True)
@@ -126,7 +141,14 @@ def without_far_frames(path: Path, points: Floats, options: ReadOptions) -> tupl
 
 
 def place(
-    path: Path, points: Floats, front: Floats, options: ReadOptions, *, by_sensor: bool = True, in_image: bool = False
+    path: Path,
+    points: Floats,
+    front: Floats,
+    size: Size,
+    options: ReadOptions,
+    *,
+    by_sensor: bool = True,
+    in_image: bool = False,
 ) -> Placement:
     """Find where a file's coordinates are in sensor coordinates.
 
@@ -138,8 +160,9 @@ def place(
         In the unit and axes of the file; NaN for lost joints.
     front : (T, 3) float64
         Directions to the performer's front as far as faces and feet tell it; NaN if unknown.
+    size : Size
     options : ReadOptions
-        `up` and `unit` replace what is detected.
+        `up` replaces what is detected.
     by_sensor : bool
         Whether a sensor may have measured the positions, which then stay where they are.
     in_image : bool
@@ -148,13 +171,12 @@ def place(
     Raises
     ------
     SkeletonLogError
-        The body has no size, or lies on its side in the first frame.
+        The body lies on its side in the first frame.
     """
-    stature = _stature(path, points)
-    unit, unit_note = _unit(stature, options)
-    up, up_note = _up(points, options, None if by_sensor else stature, in_image=in_image)
+    unit = size.unit
+    up, up_note = _up(points, options, None if by_sensor else size.stature, in_image=in_image)
     across = _across(points)
-    notes: tuple[str, ...] = (unit_note, up_note)
+    notes: tuple[str, ...] = (size.note, up_note)
     ahead = np.cross(up, across - np.outer(across @ up, up))
     in_view = by_sensor and _in_view(points, unit * _sensor_axes(up, 1.0), ahead)
     handed = 1.0
@@ -167,15 +189,15 @@ def place(
     usable = np.isfinite(across).all(axis=1) & np.isfinite(points[:, JOINT_INDEX["hip_center"]]).all(axis=1)
     first = int(usable.argmax())
     right = across[first] - up * (across[first] @ up)
-    size = np.linalg.norm(right)
-    if not usable.any() or not size >= 0.1 * np.linalg.norm(across[first]) > 0:
+    length = np.linalg.norm(right)
+    if not usable.any() or not length >= 0.1 * np.linalg.norm(across[first]) > 0:
         raise SkeletonLogError(
             path,
             found="a first frame in which the left-to-right line of hips and shoulders points up",
             expected="a performer who stands or sits upright",
             fix="Set the axis that points up (y or z), or delete the first frames.",
         )
-    right /= size
+    right /= length
     notes = (*notes, f"The performer faces the sensor in the first frame, {HIP_DISTANCE_METRES:g} m in front of it.")
     axes = np.stack([right, up, handed * np.cross(right, up)])
     origin = points[first, JOINT_INDEX["hip_center"]]

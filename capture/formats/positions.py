@@ -18,7 +18,7 @@ from capture.formats import image_positions
 from capture.formats.clips import DEFAULT_FPS, build_clip, frame_rate
 from capture.formats.markers import has_markers, joints_of_markers
 from capture.formats.options import ReadOptions
-from capture.formats.placement import place, toes_ahead, without_far_frames
+from capture.formats.placement import place, size_of, toes_ahead, without_far_frames
 from capture.formats.proportions import TYPICAL_TRUNK_METRES, refuse_other_bodies
 from capture.formats.skeleton_joints import BONES, MIDPOINTS
 from capture.skeleton import INFERRED, JOINT_INDEX, JOINTS, LOST
@@ -129,8 +129,9 @@ def clip_of_positions(
     if image_note:
         body = select(path, names, positions * factors, confidence)
     refuse_other_bodies(path, body.points)
-    points, far_notes = without_far_frames(path, body.points, options)
-    where = place(path, points, body.front, options, in_image=bool(image_note))
+    size = size_of(path, body.points, options)
+    points, far_notes = without_far_frames(body.points, size.unit)
+    where = place(path, points, body.front, size, options, in_image=bool(image_note))
     if times is None:
         fps, rate_notes = frame_rate(options, DEFAULT_FPS)
         times, notes = np.arange(len(positions)) / fps, (*notes, *rate_notes)

@@ -301,8 +301,7 @@ def test_a_cell_may_be_a_joint_whose_name_is_its_number_or_have_slashes(read, fo
 def test_positions_in_space_count_among_several_of_a_joint(read):
     kinds = ("{}_{}", "{}_world_{}", "{}_velocity_{}")
     lines = [",".join(kind.format(name, axis) for name in BLAZEPOSE for kind in kinds for axis in "xyz")]
-    for pose in joints_as(BLAZEPOSE):
-        lines.append(",".join(f"0.5,0.4,0.01,{x},{y},{z},1,2,3" for x, y, z in pose))
+    lines += [",".join(f"0.5,0.4,0.01,{x},{y},{z},1,2,3" for x, y, z in pose) for pose in joints_as(BLAZEPOSE)]
     [clip] = read(table, lines)
     arms = [JOINT_INDEX[f"{joint}_{side}"] for joint in LIMBS for side in ("left", "right")]
     np.testing.assert_allclose(clip.positions[:, arms], person()[:, arms], atol=1e-9)

@@ -110,9 +110,7 @@ def split(lines: Sequence[Line]) -> Cells | None:
     first = next((index for index, row in enumerate(rows) if _has_numbers(row)), None)
     if first is None:
         return None
-    width = Counter(len(row) for row in rows[first:]).most_common(1)[0][0]
-    if width > 1 and not any(row[width - 1] for row in rows[first:] if len(row) == width):
-        width -= 1  # the lines end in a separator
+    width = _width(rows, first)
     if separator == "," and _is_digits(rows[first : first + 60]):
         raise DecimalCommaError
     header = _header(rows[:first], width)
@@ -132,6 +130,18 @@ def split(lines: Sequence[Line]) -> Cells | None:
             vectors[column] = sizes.most_common(1)[0][0]
     has_pairs = any(sum(map(_is_pair, row)) > width / 2 for row in body[:2])  # numbers may name the columns
     return Cells(_names(header, width), body, numbers, vectors, cut_off, has_pairs)
+
+
+def _width(rows: list[list[str]], first: int) -> int:
+    """Return how many cells rows have from the first one with numbers, and fill rows that lack the last columns."""
+    counts = Counter(len(row) for row in rows[first:])
+    width = counts.most_common(1)[0][0]
+    if first and width < len(rows[first - 1]) in counts:
+        short, width = width, len(rows[first - 1])
+        for row in rows[first:]:
+            row += [""] * (width - short if len(row) == short else 0)
+    is_empty = not any(row[width - 1] for row in rows[first:] if len(row) == width)
+    return width - 1 if is_empty and width > 1 else width  # the lines end in a separator
 
 
 def _rows(lines: Sequence[Line]) -> tuple[str | None, list[list[str]]]:

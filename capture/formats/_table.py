@@ -39,6 +39,9 @@ NAME_COLUMNS = "Name the columns in the first line, or those of each joint in a 
 WIDTHS = (3, 4, 7)
 """Numbers of a joint without a header: x y z, then a state or a quaternion."""
 
+_PART = re.compile("((left|right)_)?(hand|face)_.*[0-9]$")
+"""Landmarks of a hand or a face, which trackers number apart."""
+
 MAX_MISSING = 2
 """Number of missing joints up to which a table that is no person's is told so."""
 
@@ -173,7 +176,7 @@ class Table:
             return None
         unnamed = {name: own for name, own in joints.items() if name.startswith(UNNAMED)}
         if len(joints) > len(unnamed):
-            joints = {name: own for name, own in joints.items() if name not in unnamed}
+            joints = {name: own for name, own in joints.items() if name not in unnamed and not _PART.match(name)}
             numbers = {name: name.lstrip("abcdefghijklmnopqrstuvwxyz_") for name in joints}
             is_numbered = all(number.isdecimal() for number in numbers.values())
             if is_numbered and len({name.removesuffix(number) for name, number in numbers.items()}) == 1:

@@ -113,8 +113,8 @@ class Size:
     note: str
 
 
-def size_of(path: Path, points: Floats, options: ReadOptions) -> Size:
-    """Return the size of the body whose points (T, 20, 3) are in the unit of the file.
+def size_of(path: Path, points: Floats, options: ReadOptions, *, in_image: bool = False) -> Size:
+    """Return the size of the body whose points (T, 20, 3) are in the unit of the file; that of an image has no length.
 
     Raises
     ------
@@ -122,7 +122,7 @@ def size_of(path: Path, points: Floats, options: ReadOptions) -> Size:
         The body has no size.
     """
     stature = _stature(path, points)
-    return Size(stature, *_unit(stature, options))
+    return Size(stature, *_unit(stature, options, has_length=not in_image))
 
 
 def without_far_frames(points: Floats, unit: float) -> tuple[Floats, tuple[str, ...]]:
@@ -289,13 +289,13 @@ def _has_floor(heights: Floats, tolerance: float) -> bool:
     return bool(is_moving and tolerance * below < middle < tolerance * above and high - low < tolerance * FLOOR_SPREAD)
 
 
-def _unit(stature: float, options: ReadOptions) -> tuple[float, str]:
+def _unit(stature: float, options: ReadOptions, *, has_length: bool) -> tuple[float, str]:
     """Return the metres per unit of the file, and the note on them."""
     if options.unit is not None:
         return options.unit, f"One unit is {options.unit:g} m, as given."
     sensors = {name: METRES_PER_UNIT[name] for name in ("metres", "centimetres", "millimetres")}
     for units, (low, high) in ((METRES_PER_UNIT, STATURE_METRES), (sensors, SENSOR_STATURE_METRES)):
-        for name, unit in units.items():
+        for name, unit in units.items() if has_length else ():
             if low <= stature * unit <= high:
                 return unit, f"Lengths are assumed to be {name}; the body is then {stature * unit:.2f} m tall."
     unit = DEFAULT_STATURE_METRES / stature

@@ -129,7 +129,7 @@ def clip_of_positions(
     if image_note:
         body = select(path, names, positions * factors, confidence)
     refuse_other_bodies(path, body.points)
-    size = size_of(path, body.points, options)
+    size = size_of(path, body.points, options, in_image=bool(image_note))
     points, far_notes = without_far_frames(body.points, size.unit)
     where = place(path, points, body.front, size, options, in_image=bool(image_note))
     if times is None:

@@ -260,3 +260,4 @@ def test_positions_in_a_picture_get_one_unit(width, height, in_pixels, depth):
         ways /= np.linalg.norm(ways, axis=2, keepdims=True)
         angles.append(ways @ ways.swapaxes(1, 2))
     np.testing.assert_allclose(*angles, atol=1e-6)
+    assert "scaled to 1.7 m" in " ".join(clip.notes)

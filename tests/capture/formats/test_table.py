@@ -318,3 +318,13 @@ def test_the_depth_of_several_columns_is_that_of_a_person(read):
     known = [JOINT_INDEX[joint] for joint in ("elbow_left", "wrist_right", "knee_left", "ankle_right")]
     np.testing.assert_allclose(clip.positions[:, known], person()[:, known], atol=1e-5)
     np.testing.assert_allclose(np.diff(clip.times), 0.04)
+
+
+def test_hands_beside_the_pose_are_numbered_apart_and_may_be_missing_at_the_end(read):
+    names = [f"pose_landmark_{k}_{axis}" for k in range(33) for axis in "xyz"]
+    hand = [f"hand_0_landmark_{k}_{axis}" for k in range(21) for axis in "xyz"]
+    rows = [[f"{each:.6f}" for each in pose.ravel()] for pose in joints_as(BLAZEPOSE)]
+    rows[1] += ["0.5"] * len(hand)
+    [clip] = read(table, [",".join(row) for row in (names + hand, *rows)])
+    arms = [JOINT_INDEX[f"{joint}_{side}"] for joint in LIMBS for side in ("left", "right")]
+    np.testing.assert_allclose(clip.positions[:, arms], person()[:, arms], atol=1e-5)

@@ -244,12 +244,15 @@ def test_few_frames_that_are_far_from_the_others_are_lost(far):
 
 
 @pytest.mark.parametrize("depth", [1.0, 0.5])
-@pytest.mark.parametrize(("width", "height", "in_pixels"), [(9, 16, False), (16, 9, False), (1280, 720, True)])
-def test_positions_in_a_picture_get_one_unit(width, height, in_pixels, depth):
+@pytest.mark.parametrize(
+    ("width", "height", "reach", "in_pixels"),
+    [(9, 16, 2.5, False), (9, 16, 0.95, False), (16, 9, 2.5, False), (1280, 720, 2.5, True)],
+)
+def test_positions_in_a_picture_get_one_unit(width, height, reach, in_pixels, depth):
     turn = scipy.spatial.transform.Rotation.from_rotvec([0.5, 0.8, 0]).as_matrix()  # nothing in the picture's plane
     points = joints_as(BLAZEPOSE) @ turn.T
     hips = points[:, [BLAZEPOSE.index("left_hip"), BLAZEPOSE.index("right_hip")]].mean(axis=(0, 1))
-    x, y, z = np.moveaxis((points - hips) / 2.5 * min(width, height), 2, 0)
+    x, y, z = np.moveaxis((points - hips) / reach * min(width, height), 2, 0)
     picture = np.stack([width / 2 - x, height / 2 - y, z / width / depth], axis=2)
     if not in_pixels:
         picture /= [width, height, 1]

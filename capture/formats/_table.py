@@ -14,7 +14,7 @@ from typing import NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.formats._cells import DecimalCommaError, UnevenError, number, split, vector
+from capture.formats._cells import PARTS, DecimalCommaError, UnevenError, number, split
 from capture.formats._columns import AXES, WORDS, Column, parse, with_numbers_as_axes
 from capture.formats._rows import Line
 from capture.formats.joint_sets import MAX_MISFIT, Fit, clearest, fits
@@ -157,9 +157,7 @@ class Table:
         fields: dict[str, int] = {}
         repeats: dict[str, int] = {}
         for index, (role, joint, _) in enumerate(columns):
-            if index in self.cells.vectors and joint and role in ("", *AXES):
-                joints.setdefault(joint, {"x": index})
-            elif role in (*AXES, "state"):
+            if role in (*AXES, "state"):
                 name = joint
                 if not joint:  # one joint in each row, or several without names
                     name = f"{UNNAMED}{repeats.get(role, 0)}"
@@ -169,9 +167,7 @@ class Table:
                 fields.setdefault(role if role not in fields else f"joint {len(fields)}", index)
             elif role and (index == 0 or self._names[index]):
                 fields.setdefault(role, index)
-        joints = {
-            name: own for name, own in joints.items() if own.keys() >= set(AXES) or own.get("x") in self.cells.vectors
-        }
+        joints = {name: own for name, own in joints.items() if own.keys() >= set(AXES)}
         if not joints:
             return None
         unnamed = {name: own for name, own in joints.items() if name.startswith(UNNAMED)}
@@ -199,10 +195,13 @@ class Table:
             ) from error
         joints, fields = {}, {}
         for name, own in chosen.items():
-            columns = [self._column_of(path, name, each) for each in (own if isinstance(own, list) else [own])]
+            columns = [
+                column
+                for each in (own if isinstance(own, list) else [own])
+                for column in self._columns_of(path, name, each)
+            ]
             is_field = name in ("time", "frame", "person", "joint")
-            is_whole = is_field or self.cells.vectors.keys() >= set(columns[:1])
-            if len(columns) not in ((1,) if is_whole else (3, 4)):
+            if len(columns) not in ((1,) if is_field else range(3, 8)):
                 raise SkeletonLogError(
                     at(path, field=name),
                     found=f"{len(columns)} columns",
@@ -222,21 +221,28 @@ class Table:
             )
         return Layout(joints, fields)
 
-    def _column_of(self, path: Path, field: str, name: object) -> int:
-        if isinstance(name, int) and 1 <= name <= self.width:
-            return name - 1
-        if name in self._names:
-            return self._names.index(str(name))
-        raise SkeletonLogError(
-            at(path, field=field),
-            found=f"the column {name!r}",
-            expected=f"a number from 1 to {self.width}, or a name of the table such as {self._names[0]!r}",
-            fix="Correct this line.",
-        )
+    def _columns_of(self, path: Path, field: str, name: object) -> list[int]:
+        """Return the columns of a column of the file, which has a name or a number from 1."""
+        origin, count = self.cells.origin, self.cells.origin[-1] + 1
+        chosen = [
+            index
+            for index, column in enumerate(origin)
+            if name == column + 1
+            or name == self._names[index]
+            or (origin.count(column) > 1 and name == " ".join(self.cells.names[index][:-1]))
+        ]
+        if not chosen:
+            raise SkeletonLogError(
+                at(path, field=field),
+                found=f"the column {name!r}",
+                expected=f"a number from 1 to {count}, or a name of the table such as {self._names[0]!r}",
+                fix="Correct this line.",
+            )
+        return chosen
 
     def _unnamed(self) -> list[Layout]:
         """Return the layout without names in which the columns are a person's joints, if there is one."""
-        if self.cells.has_pairs or (any(self._names) and not self._are_numbered()):
+        if any(self._names) and not self._are_numbered():
             return []
         if groups := self._numbered_groups():
             return groups
@@ -348,11 +354,12 @@ class Table:
     def layouts(self) -> list[Layout]:
         """The columns of each performer, or one layout if performers share columns; an error without positions."""
         if not self._layouts:
-            names = ", ".join(filter(None, self._names[:12]))
+            named = [name for name, cells in zip(self._names, self.cells.names, strict=True) if set(cells) - set(PARTS)]
+            names = ", ".join(named[:12])
             found = (
-                f"a table with the columns {names}{' …' if self.width > 12 else ''}"
+                f"a table with the columns {names}{' …' if len(named) > 12 else ''}"
                 if names
-                else f"a table with {self.width} columns without names"
+                else f"a table with {self.cells.origin[-1] + 1} columns without names"
             )
             columns = parse(self.cells.names)
             roles = {column.role for column in columns}
@@ -361,7 +368,7 @@ class Table:
             missing = [joint for joint in missing if not joint.startswith("shoulder")]
             if 0 < len(missing) <= MAX_MISSING:
                 found += f", which have no {' and '.join(missing)}"
-            if self.cells.has_pairs or (roles >= {"x", "y"} and "z" not in roles):
+            if roles >= {"x", "y"} and "z" not in roles:
                 self.refuse(f"{found}, which have no z: positions in a picture", IN_SPACE)
             self.refuse(found, NAME_COLUMNS if roles >= set(AXES) or not names else f"{EXPORT} {NAME_COLUMNS}")
         return self._layouts
@@ -378,28 +385,19 @@ class Table:
 
     def positions(self, own: dict[str, int]) -> Floats:
         """Return the positions (R, 3) in a joint's columns; NaN if unknown."""
-        if own["x"] in self.cells.vectors:
-            return self._numbers(own["x"])[:, :3]
-        return np.concatenate([self._numbers(own[axis]) for axis in AXES], axis=1)
+        return np.stack([self._numbers(own[axis]) for axis in AXES], axis=1)
 
     def _numbers(self, column: int) -> Floats:
-        """Return the numbers (R, n) of a column; NaN if unknown."""
-        if column in self._known:
-            return self._known[column]
-        size = self.cells.vectors.get(column, 1)
-        values = np.full((len(self.cells.rows), size), np.nan)
-        for index, row in enumerate(self.cells.rows):
-            cell = row[column]
-            found = vector(cell) if size > 1 else number(cell)
-            if found is None and number(cell) is not None:
-                continue
-            if found is None or (isinstance(found, list) and len(found) != size):
+        """Return the numbers (R,) of a column; NaN if unknown."""
+        if column not in self._known:
+            found = [number(row[column]) for row in self.cells.rows]
+            if None in found:
+                index = found.index(None)
                 raise SkeletonLogError(
                     at(self.path, self.cells.lines[index]),
-                    found=f"{cell[:40]!r} in {self.column_name(column)}",
-                    expected="a number" if size == 1 else f"{size} numbers",
+                    found=f"{self.cells.rows[index][column][:40]!r} in {self.column_name(column)}",
+                    expected="a number",
                     fix="Correct or delete this line, or record again.",
                 )
-            values[index] = found
-        self._known[column] = values
-        return values
+            self._known[column] = np.array(found, dtype=np.float64)
+        return self._known[column]

@@ -117,8 +117,7 @@ def columns(path: Path, options: ReadOptions) -> dict[str, str]:
         whose = "" if len(table.layouts) == 1 else f"performer {user}: "
         for joint, own in layout.joints.items():
             for role, column in own.items():
-                what = "x y z" if column in table.cells.vectors else role
-                meanings[column] = whose + (what if joint.startswith(UNNAMED) else f"{joint} {what}")
+                meanings[column] = whose + (role if joint.startswith(UNNAMED) else f"{joint} {role}")
     return {table.column_name(column): meanings.get(column, "not used") for column in range(table.width)}
 
 

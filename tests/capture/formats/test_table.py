@@ -328,3 +328,11 @@ def test_hands_beside_the_pose_are_numbered_apart_and_may_be_missing_at_the_end(
     [clip] = read(table, [",".join(row) for row in (names + hand, *rows)])
     arms = [JOINT_INDEX[f"{joint}_{side}"] for joint in LIMBS for side in ("left", "right")]
     np.testing.assert_allclose(clip.positions[:, arms], person()[:, arms], atol=1e-5)
+
+
+def test_a_fourth_number_of_a_cell_is_its_visibility(read):
+    rows = [";".join(f"[{each}, 0.9]" for each in row(pose, "{0}, {1}, {2}")) for pose in POSES]
+    rows[2] = rows[2].replace("0.9", "0.2", 1)
+    [clip] = read(table, [";".join(JOINTS), *rows])
+    close(clip)
+    assert np.argwhere(clip.confidence < 1).tolist() == [[2, 0]]

@@ -18,7 +18,7 @@ from capture.formats._cells import PARTS, DecimalCommaError, UnevenError, number
 from capture.formats._columns import AXES, WORDS, Column, parse, with_numbers_as_axes
 from capture.formats._rows import Line
 from capture.formats.joint_sets import MAX_MISFIT, Fit, clearest, fits
-from capture.formats.layouts import JOINT_SETS
+from capture.formats.layouts import HOLISTIC, JOINT_SETS
 from capture.formats.options import ReadOptions
 from capture.formats.positions import is_person, missing_joints
 from puppetline.errors import SkeletonLogError, at
@@ -318,7 +318,8 @@ class Table:
         for (name, joints), size in itertools.product(JOINT_SETS.items(), WIDTHS):
             extra = self.width - size * len(joints)
             if chosen in (None, name) and 0 <= extra <= MAX_EXTRA_COLUMNS:
-                for before in range(extra + 1):
+                texts = [k for k, cell in enumerate(self.cells.rows[0][: extra + 1]) if number(cell) is None]
+                for before in range(max(texts, default=-1) + 1, extra + 1):
                     yield name, list(range(before, before + size * len(joints), size)), size
 
     @property
@@ -342,7 +343,7 @@ class Table:
         best: list[Fit] = []
         for name, joints in JOINT_SETS.items():
             count = len(rows) // len(joints)
-            if self.options.joints in (None, name) and count:
+            if self.options.joints in (None, name) and count and name not in HOLISTIC:
                 best += fits(rows[: count * len(joints)].reshape(count, -1, 3), [name])
         if not (self.options.joints or self._is_of_joints):  # points of a mesh are rows of x y z too
             best = [fit for fit in best if fit.misfit < MAX_MISFIT]
@@ -354,7 +355,11 @@ class Table:
     def layouts(self) -> list[Layout]:
         """The columns of each performer, or one layout if performers share columns; an error without positions."""
         if not self._layouts:
-            named = [name for name, cells in zip(self._names, self.cells.names, strict=True) if set(cells) - set(PARTS)]
+            named = [
+                name
+                for name, cells in zip(self._names, self.cells.names, strict=True)
+                if len(cells) == 1 or set(cells) - set(PARTS)
+            ]
             names = ", ".join(named[:12])
             found = (
                 f"a table with the columns {names}{' …' if len(named) > 12 else ''}"

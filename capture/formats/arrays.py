@@ -206,6 +206,8 @@ def _orders(array: NDArray[np.generic], sizes: Collection[int] = _SIZES) -> list
     array = np.squeeze(array)
     if not array.size:
         return []
+    if array.ndim == 1:  # one frame
+        array = array[None]
     if array.ndim == 2:  # a row per frame, or per joint
         found = []
         for rows in (array, array.T):

@@ -1,6 +1,6 @@
 """Positions that trackers measure in an image, in one unit.
 
-x and y are shares of the image's width and height, or pixels. z, the depth from the hips, is a share of its width. The
+x and y are shares of the image's width and height, or pixels. z, the depth from the hips, is a share of its width, or in pixels. The
 ratio of the image's sides and the factor of the depths are those with which the body comes closest to the proportions
 of a typical one, and its bones keep their lengths best. For pixels, the image is the smallest common one that has the
 body in it.
@@ -34,6 +34,12 @@ SIZES = ((640, 480), (480, 640), (1280, 720), (720, 1280), (1920, 1080), (1080, 
 DEPTHS = (1.0, 0.5, 0.25, 0.125)
 """Factors of the depths that are tried; trackers exaggerate them."""
 
+MAX_DEPTH_OF_HIPS = 0.02
+"""Largest distance of the hips from the depth 0, as a share of the body's height."""
+
+MIN_PIXELS = 20
+"""Smallest distance of the hips from the image's edges, from which they are taken to be in pixels."""
+
 PIXEL_DEPTH_SHARE = 0.02
 """Ratio of the extents of z and y below which y is in pixels if z is a share of the image's width."""
 
@@ -55,14 +61,16 @@ def unit_of(points: Floats) -> tuple[Floats, str]:
         return np.ones(3), ""
     middle = np.nanmedian(hips, axis=0)
     low, high = np.percentile(known, [5, 95], axis=0)
-    if (middle[:2] < 0.05).any() or abs(middle[2]) > 0.05:
+    extent = high - low
+    is_share = 0 < extent[2] < PIXEL_DEPTH_SHARE * extent[1]
+    if (middle[:2] < 0.05).any() or abs(middle[2]) > max(0.05, 0 if is_share else MAX_DEPTH_OF_HIPS * extent[1]):
         return np.ones(3), ""
     is_down = bool(np.nanmedian(shoulders[:, 1] - hips[:, 1]) < 0)
     if (low[:2] > -0.2).all() and (high[:2] < 1 + (MAX_OUTSIDE if is_down else 0.2)).all():
         kind, units = "shares", {name: (1.0, 1 / ratio, 1.0) for name, ratio in RATIOS.items()}
-    elif 0 < high[2] - low[2] < PIXEL_DEPTH_SHARE * (high[1] - low[1]):
+    elif is_share or (is_down and (middle[:2] > MIN_PIXELS).all() and (low[:2] > 0).all() and extent[2] > 0):
         width, height = next((size for size in SIZES if (high[:2] < size).all()), SIZES[-1])
-        kind, units = "pixels", {f"{width} × {height}": (1.0, 1.0, float(width))}
+        kind, units = "pixels", {f"{width} × {height}": (1.0, 1.0, float(width if is_share else 1))}
     else:
         return np.ones(3), ""
     misfits = {

@@ -19,7 +19,7 @@ from capture.formats.clips import DEFAULT_FPS, build_clip, frame_rate
 from capture.formats.markers import has_markers, joints_of_markers
 from capture.formats.options import ReadOptions
 from capture.formats.placement import place, size_of, toes_ahead, without_far_frames
-from capture.formats.proportions import TYPICAL_TRUNK_METRES, refuse_other_bodies
+from capture.formats.proportions import TYPICAL_TRUNK_METRES, refuse_other_bodies, refuse_pictures
 from capture.formats.skeleton_joints import BONES, MIDPOINTS
 from capture.skeleton import INFERRED, JOINT_INDEX, JOINTS, LOST
 from puppetline.errors import SkeletonLogError
@@ -128,6 +128,7 @@ def clip_of_positions(
     factors, image_note = image_positions.unit_of(body.points)
     if image_note:
         body = select(path, names, positions * factors, confidence)
+    refuse_pictures(path, body.points)
     refuse_other_bodies(path, body.points)
     size = size_of(path, body.points, options, in_image=bool(image_note))
     points, far_notes = without_far_frames(body.points, size.unit)
@@ -164,6 +165,9 @@ def select(
     at_origin &= ~_is_origin(positions, at_origin)
     given = np.where(at_origin | ~np.isfinite(positions).all(axis=2), np.float32(LOST), given)
     known = np.where(given[..., None] > LOST, positions, np.nan)
+    heads = {head: int(np.isfinite(known[:, list(head)]).all(axis=(1, 2)).sum()) for head in _heads(landmarks)}
+    if sources.get("head") in heads:
+        sources["head"] = next(head for head, seen in heads.items() if 2 * seen >= max(heads.values()))
     points = np.full((len(positions), len(JOINTS), 3), np.nan)
     sure = np.zeros((len(positions), len(JOINTS)), np.float32)
     for joint, indices in sources.items():
@@ -223,11 +227,15 @@ def _sources(names: Sequence[str]) -> tuple[dict[str, tuple[int, ...]], dict[str
         if own:
             sources.setdefault(joint, own[0])
     if "head" not in sources:
-        heads = (tuple(index for point in points for index in landmarks.get(point, [])) for points in _HEADS)
-        sources["head"] = next(filter(None, heads), ())
+        sources["head"] = next(iter(_heads(landmarks)), ())
     if sources["head"] in ((), sources.get("shoulder_center")):
         del sources["head"]
     return sources, landmarks
+
+
+def _heads(landmarks: Mapping[str, Sequence[int]]) -> list[tuple[int, ...]]:
+    heads = [tuple(index for point in points for index in landmarks.get(point, ())) for points in _HEADS]
+    return [head for head in heads if head]
 
 
 def _fill(points: Floats, sure: NDArray[np.float32], sources: dict[str, tuple[int, ...]]) -> tuple[str, ...]:

@@ -123,3 +123,8 @@ def test_pickles_are_no_arrays():
 def test_an_archive_of_objects_is_called_one(read):
     with pytest.raises(SkeletonLogError, match="Python objects"):
         read(arrays, saved(np.savez, results=np.array([{"joints": 1}], dtype=object)))
+
+
+def test_one_pose_may_be_a_row_of_numbers(read):
+    [clip] = read(arrays, saved(np.save, joints_as(JOINT_SETS["mediapipe"])[0].ravel()))
+    assert len(clip.times) == 1

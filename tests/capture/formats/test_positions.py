@@ -264,3 +264,28 @@ def test_positions_in_a_picture_get_one_unit(width, height, reach, in_pixels, de
         angles.append(ways @ ways.swapaxes(1, 2))
     np.testing.assert_allclose(*angles, atol=1e-6)
     assert "scaled to 1.7 m" in " ".join(clip.notes)
+
+
+def test_depths_in_pixels_are_those_of_a_picture():
+    points = joints_as(BLAZEPOSE) * -250.0
+    hips = points[:, [BLAZEPOSE.index("left_hip"), BLAZEPOSE.index("right_hip")]].mean(axis=1, keepdims=True)
+    clip = clip_of_positions(PATH, "table", BLAZEPOSE, points - hips + [640, 360, 0], OPTIONS)
+    assert "pixels of an image, which is assumed to have 1280 × 720" in " ".join(clip.notes)
+
+
+@pytest.mark.parametrize("depth", [0.9, np.nan])
+def test_a_score_or_a_copy_is_no_depth(depth):
+    points = joints_as(BLAZEPOSE) * 200.0
+    score = depth + np.random.default_rng(0).uniform(-0.05, 0.05, points.shape[:2])
+    points[..., 2] = points[..., 0] if np.isnan(depth) else score
+    with pytest.raises(SkeletonLogError, match="positions in a picture"):
+        clip_of_positions(PATH, "table", BLAZEPOSE, points, OPTIONS)
+
+
+def test_a_head_without_ears_is_where_the_nose_is():
+    names = [*(joint for joint in JOINTS if joint != "head"), "left_ear", "right_ear", "nose"]
+    points = person()
+    head = points[:, [JOINT_INDEX["head"]]]
+    points = np.concatenate([np.delete(points, JOINT_INDEX["head"], axis=1), head, head * np.nan, head], axis=1)
+    clip = clip_of_positions(PATH, "table", names, points, OPTIONS)
+    assert (clip.confidence[:, JOINT_INDEX["head"]] > 0).all()

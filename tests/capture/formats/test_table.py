@@ -336,3 +336,28 @@ def test_a_fourth_number_of_a_cell_is_its_visibility(read):
     [clip] = read(table, [";".join(JOINTS), *rows])
     close(clip)
     assert np.argwhere(clip.confidence < 1).tolist() == [[2, 0]]
+
+
+def test_names_of_pictures_may_be_before_the_numbers(read):
+    lines = [
+        f"squat_{k}.jpg," + ",".join(f"{each:.5f}" for each in pose.ravel())
+        for k, pose in enumerate(joints_as(BLAZEPOSE))
+    ]
+    assert table.matches("\n".join(lines).encode())
+    [clip] = read(table, lines)
+    assert len(clip.times) == len(lines)
+    assert np.isfinite(clip.positions[:, JOINT_INDEX["elbow_left"]]).all()
+
+
+def test_rows_may_have_parts(read):
+    lines = [f"{name},{x:.6f},{y:.6f},{z:.6f}" for pose in POSES for name, (x, y, z) in zip(JOINTS, pose, strict=True)]
+    [clip] = read(table, ["parts,x_coords,y_coords,z_coords", *lines])
+    close(clip)
+
+
+def test_landmarks_of_a_face_may_follow_the_pose(read):
+    points = np.concatenate([joints_as(BLAZEPOSE), np.zeros((len(person()), 468, 3))], axis=1)
+    header = ",".join(f"{axis}{k + 1}" for k in range(501) for axis in "xyz")
+    lines = [",".join(f"{each:.6f}" for each in pose.ravel()) for pose in points]
+    [clip] = read(table, [header, *lines])
+    assert np.isfinite(clip.positions[:, JOINT_INDEX["elbow_left"]]).all()

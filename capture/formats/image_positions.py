@@ -1,9 +1,9 @@
 """Positions that trackers measure in an image, in one unit.
 
-x and y are shares of the image's width and height, or pixels. z, the depth from the hips, is a share of its width, or in pixels. The
-ratio of the image's sides and the factor of the depths are those with which the body comes closest to the proportions
-of a typical one, and its bones keep their lengths best. For pixels, the image is the smallest common one that has the
-body in it.
+x and y are shares of the image's width and height, or pixels. z, the depth from the hips, is a share of its width, or
+in pixels. The ratio of the image's sides and the factor of the depths are those with which the body comes closest to
+the proportions of a typical one, and its bones keep their lengths best. For pixels, the image is the smallest common
+one that has the body in it.
 """
 
 import warnings

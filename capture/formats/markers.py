@@ -1,8 +1,8 @@
 """Markers on a body, as optical motion capture has them, and the joints between them.
 
-The markers are those of Plug-in Gait, of CMU and of OpenSim's models, in several spellings. A joint is the mean of the
-markers on both sides of it, or a centre that a program has computed. The hips follow from the pelvis's markers: 0.36 of
-its width outwards, 0.19 backwards and 0.30 down from the middle of its front (Bell et al. 1990).
+The markers are those of Plug-in Gait, of CMU, of OpenSim's models and of ISB, in several spellings. A joint is the mean
+of the markers on both sides of it, or a centre that a program has computed. The hips follow from the pelvis's markers:
+0.36 of its width outwards, 0.19 backwards and 0.30 down from the middle of its front (Bell et al. 1990).
 """
 
 import re
@@ -14,22 +14,22 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 MARKERS = {
-    "front": "asi asis fwt waistf waistfront hipf",
-    "back": "psi psis bwt backasis waistb hipb",
+    "front": "asi asis fwt waistf waistfront hipf ias fthip",
+    "back": "psi psis bwt backasis waistb hipb ips bkhip",
     "sacrum": "sacr vsac vsacral s2 sacrum waistback",
     "hip": "hjc hipjoint",
     "knee": "kjc kneejoint",
-    "knee sides": "kne knee mknee lfc mfc",
+    "knee sides": "kne knee mknee lfc mfc fle fme",
     "ankle": "ajc anklejoint",
-    "ankle sides": "ank ankle mankle lmal mmal",
-    "toe": "toe to toetip mt2 mt1 mt5 forefoot bigtoe",
-    "heel": "hee heel cal calc heelback",
-    "shoulder": "sho acromium acromion acr shoulder acrotip",
-    "elbow": "elb elbow elbm melbow lel mel",
-    "wrist": "wri wra wrb w wrist faradius faulna radius ulna",
-    "hand": "fin finger hand mcp3",
-    "head sides": "fhd bhd temple hea thea fhea head headf headb headfront headback headtamp",
-    "neck": "c7 clav sternum",
+    "ankle sides": "ank ankle mankle lmal mmal fal tam",
+    "toe": "toe to toetip mt2 mt1 mt5 forefoot bigtoe fm1 fm2 fm5",
+    "heel": "hee heel cal calc heelback fcc",
+    "shoulder": "sho acromium acromion acr shoulder acrotip sae",
+    "elbow": "elb elbow elbm melbow lel mel hle hme",
+    "wrist": "wri wra wrb w wrist faradius faulna radius ulna rsp usp",
+    "hand": "fin finger hand mcp3 middfing hm2 hm5",
+    "head sides": "fhd bhd temple hea thea fhea head headf headb headfront headback headtamp fthead bkhead",
+    "neck": "c7 cv7 clav sternum sjn",
 }
 """Names of markers, without the side, by what they are at."""
 
@@ -42,10 +42,9 @@ _SIDE_OF_JOINT = re.compile("(lat|med|lateral|medial|radius|ulna|reg|study|v|in|
 _WORD = re.compile("[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[0-9]+")
 _CORNER = re.compile("(?<![A-Za-z])([FB])([LR])(?![A-Za-z])", re.IGNORECASE)
 """Front or back, and the side: Hip_FL."""
-_SIDES = {"l": "Left", "left": "Left", "r": "Right", "right": "Right"}
+_SIDES = {"l": "Left", "left": "Left", "r": "Right", "right": "Right", "lt": "Left", "rt": "Right"}
 
 _PLACES = {word: place for place, words in MARKERS.items() for word in words.split()}
-_NEEDED = "shoulder", "elbow"
 _JOINTS = ("knee", "ankle", "toe", "shoulder", "elbow", "wrist", "hand")
 
 
@@ -62,8 +61,11 @@ def has_markers(names: Sequence[str]) -> bool:
     places = {place for place in map(_place, _own(names)) if place is not None}
     pelvis = {("hip", "Left"), ("hip", "Right")}, {("front", "Left"), ("front", "Right")}
     has_pelvis = pelvis[0] <= places or (pelvis[1] <= places and {"back", "sacrum"} & {place for place, _ in places})
-    sides = ((joint, side) for joint in _NEEDED for side in ("Left", "Right"))
-    return bool(has_pelvis) and all({(joint, side), (f"{joint} sides", side)} & places for joint, side in sides)
+    both = {
+        joint: all({(joint, side), (f"{joint} sides", side)} & places for side in ("Left", "Right"))
+        for joint in _JOINTS
+    }
+    return bool(has_pelvis) and both["shoulder"] and (both["elbow"] or both["knee"])
 
 
 def _own(names: Sequence[str]) -> list[str]:

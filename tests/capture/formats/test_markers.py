@@ -149,3 +149,30 @@ def test_programs_spell_the_same_markers_in_other_ways(tmp_path, spellings):
         other["Q_" + (own.format(name[0]) if name[0] in "LR" else name)] = place
     clips = [read_log(trc(tmp_path / f"{k}.trc", at), ReadOptions())[0] for k, at in enumerate((body(), other))]
     np.testing.assert_allclose(clips[1].positions, clips[0].positions, atol=1e-9)
+
+
+def test_markers_may_be_those_of_isb_without_arms(tmp_path):
+    names = {
+        "KNE": "FLE",
+        "Knee.Med": "FME",
+        "ANK": "FAL",
+        "Ankle.Med": "TAM",
+        "SHO": "SAE",
+        "TOE": "FM2",
+        "HJC": "HJC",
+    }
+    at = {
+        f"{name[0]}_{names[own]}": place
+        for name, place in body().items()
+        if (own := name[1:].removeprefix(".")) in names
+    }
+    (clip,) = read_log(trc(tmp_path / "a.trc", at), ReadOptions())
+    known = [JOINT_INDEX[f"{joint}_{side}"] for joint in ("shoulder", "knee", "foot") for side in ("left", "right")]
+    assert np.isfinite(clip.positions[:, known]).all()
+    assert (clip.confidence[:, JOINT_INDEX["elbow_left"]] == 0).all()
+
+
+def test_sides_of_markers_may_have_two_letters(tmp_path):
+    at = {f"{name[0]}t{name[1:]}": place for name, place in body().items() if name[0] in "LR"}
+    (clip,) = read_log(trc(tmp_path / "a.trc", at), ReadOptions())
+    assert np.isfinite(clip.positions[:, JOINT_INDEX["elbow_left"]]).all()

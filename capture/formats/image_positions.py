@@ -34,8 +34,8 @@ SIZES = ((640, 480), (480, 640), (1280, 720), (720, 1280), (1920, 1080), (1080, 
 DEPTHS = (1.0, 0.5, 0.25, 0.125)
 """Factors of the depths that are tried; trackers exaggerate them."""
 
-MAX_DEPTH_OF_HIPS = 0.02
-"""Largest distance of the hips from the depth 0, as a share of the body's height."""
+MAX_DEPTH_OF_HIPS = 0.002
+"""Largest distance of the hips from the depth 0, if it is in pixels, as a share of the body's height."""
 
 MIN_PIXELS = 20
 """Smallest distance of the hips from the image's edges, from which they are taken to be in pixels."""
@@ -63,12 +63,14 @@ def unit_of(points: Floats) -> tuple[Floats, str]:
     low, high = np.percentile(known, [5, 95], axis=0)
     extent = high - low
     is_share = 0 < extent[2] < PIXEL_DEPTH_SHARE * extent[1]
-    if (middle[:2] < 0.05).any() or abs(middle[2]) > max(0.05, 0 if is_share else MAX_DEPTH_OF_HIPS * extent[1]):
+    depth_of_hips = np.nanpercentile(np.abs(hips[:, 2]), 90)
+    is_pixel = bool(depth_of_hips < MAX_DEPTH_OF_HIPS * extent[1] and extent[2] > 0 and (high[:2] < SIZES[-2]).all())
+    if (middle[:2] < 0.05).any() or (abs(middle[2]) > 0.05 and (is_share or not is_pixel)):
         return np.ones(3), ""
     is_down = bool(np.nanmedian(shoulders[:, 1] - hips[:, 1]) < 0)
     if (low[:2] > -0.2).all() and (high[:2] < 1 + (MAX_OUTSIDE if is_down else 0.2)).all():
         kind, units = "shares", {name: (1.0, 1 / ratio, 1.0) for name, ratio in RATIOS.items()}
-    elif is_share or (is_down and (middle[:2] > MIN_PIXELS).all() and (low[:2] > 0).all() and extent[2] > 0):
+    elif is_share or (is_pixel and is_down and (middle[:2] > MIN_PIXELS).all() and (low[:2] > 0).all()):
         width, height = next((size for size in SIZES if (high[:2] < size).all()), SIZES[-1])
         kind, units = "pixels", {f"{width} × {height}": (1.0, 1.0, float(width if is_share else 1))}
     else:

@@ -26,8 +26,11 @@ UNKNOWN = frozenset(("", "nan", "null", "none", "na", "n/a", "-", "inf", "-inf",
 
 _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _LABELLED = rf"(?:['\"]?[A-Za-z]+['\"]?\s*[:=]\s*)?{_NUMBER}"
+_NUMBERS = re.compile(_NUMBER)
 _VECTOR = re.compile(rf"(?:[A-Za-z]*[\[({{<])*\s*{_LABELLED}(?:[\s,;]+{_LABELLED}){{2,6}}\s*[\])}}>]*")
 _PAIR = re.compile(rf"[\[(]\s*{_NUMBER}\s*,\s*{_NUMBER}\s*[\])]")
+PARTS = ("x", "y", "z", "visibility")
+"""Names of the numbers in a cell; others have none."""
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
 _UNITS = frozenset(("m", "mm", "cm", "s", "ms", "sec", "", "meters", "metres", "unit", "units"))
 
@@ -43,20 +46,17 @@ class Cells:
     rows : list of list of str
     lines : list of int
         Line number of each row.
-    vectors : dict
-        How many numbers each cell of a column has, for columns with several.
+    origin : list of int
+        The file's column that each column is from: one whose cells have several numbers becomes several columns.
     cut_off : int or None
         Line within which the file ends, which is no row.
-    has_pairs : bool
-        Whether cells have two numbers each, such as ``(120, 45)``.
     """
 
     names: list[list[str]]
     rows: list[list[str]]
     lines: list[int]
-    vectors: dict[int, int]
+    origin: list[int]
     cut_off: int | None
-    has_pairs: bool
 
 
 class UnevenError(ValueError):
@@ -77,12 +77,18 @@ def number(cell: str) -> float | None:
 
 
 def vector(cell: str) -> list[float] | None:
-    """Return the numbers of a cell such as ``(0.1, 1.2, 3)`` or ``x: 0.1 y: 1.2 z: 3``; None if it has not 3 to 7."""
-    return [float(each) for each in re.findall(_NUMBER, cell)] if _VECTOR.fullmatch(cell) else None
+    """Return the numbers of a cell such as ``(0.1, 1.2)`` or ``x: 0.1 y: 1.2 z: 3``; None if it has not 2 to 7."""
+    parts = _parts(cell)
+    return None if parts is None else [float(each) for each in parts]
 
 
-def _is_pair(cell: str) -> bool:
-    return _PAIR.fullmatch(cell) is not None
+def _parts(cell: str) -> list[str] | None:
+    cell = cell.replace("/", " ") if cell.count(".") > 1 else cell  # a date has slashes too
+    return _NUMBERS.findall(cell) if _VECTOR.fullmatch(cell) or _PAIR.fullmatch(cell) else None
+
+
+def _is_plain_vector(cell: str) -> bool:
+    return len(_parts(cell) or ()) > 2 and not re.search("[:=]", cell)
 
 
 def split(lines: Sequence[Line]) -> Cells | None:
@@ -100,14 +106,11 @@ def split(lines: Sequence[Line]) -> Cells | None:
     lines = [(at, text.lstrip("#% ") if text.lstrip()[:1] in "#%" else text) for at, text in _whole_rows(lines)]
     if not lines:
         return None
-    separator = _separator([text for _, text in lines[:60]])
-    rows = [_row(text, separator) for _, text in lines]
+    separator, rows = _rows(lines)
     first = next((index for index, row in enumerate(rows) if _has_numbers(row)), None)
     if first is None:
         return None
-    width = Counter(len(row) for row in rows[first:]).most_common(1)[0][0]
-    if width > 1 and not any(row[width - 1] for row in rows[first:] if len(row) == width):
-        width -= 1  # the lines end in a separator
+    width = _width(rows, first)
     if separator == "," and _is_digits(rows[first : first + 60]):
         raise DecimalCommaError
     header = _header(rows[:first], width)
@@ -119,14 +122,57 @@ def split(lines: Sequence[Line]) -> Cells | None:
     for row, at in zip(body, numbers, strict=True):
         if len(row) < width or any(row[width:]):
             raise UnevenError(at, len(row), width)
-    body = [row[:width] for row in body]
-    vectors = {}
-    for column in range(width):
-        sizes = Counter(len(each) for row in body[:50] if (each := vector(row[column])))
-        if sizes:
-            vectors[column] = sizes.most_common(1)[0][0]
-    has_pairs = any(sum(map(_is_pair, row)) > width / 2 for row in body[:2])  # numbers may name the columns
-    return Cells(_names(header, width), body, numbers, vectors, cut_off, has_pairs)
+    names, body, origin = _with_a_number_per_cell(_names(header, width), body)
+    return Cells(names, body, numbers, origin, cut_off)
+
+
+def _with_a_number_per_cell(
+    names: list[list[str]], rows: list[list[str]]
+) -> tuple[list[list[str]], list[list[str]], list[int]]:
+    """Return names and rows in which each number of a cell has a column, and the columns that these are from."""
+    sizes = []
+    for column in range(len(names)):
+        found = Counter(len(each) for row in rows[:50] if (each := _parts(row[column])))
+        sizes.append(found.most_common(1)[0][0] if found else 1)
+    origin = [column for column, size in enumerate(sizes) for _ in range(size)]
+    if len(origin) == len(names):
+        return names, [row[: len(names)] for row in rows], origin
+    parts = [k for size in sizes for k in range(size)]
+    named = [
+        [*names[column], *PARTS[k : k + 1]] if sizes[column] > 1 else names[column]
+        for column, k in zip(origin, parts, strict=True)
+    ]
+    split_rows = []
+    for row in rows:
+        cells: list[str] = []
+        for cell, size in zip(row, sizes, strict=False):
+            found_parts = _parts(cell) if size > 1 else None
+            whole = found_parts is not None and len(found_parts) == size
+            cells += found_parts if whole and found_parts else [cell, *[""] * (size - 1)]
+        split_rows.append(cells)
+    return named, split_rows, origin
+
+
+def _width(rows: list[list[str]], first: int) -> int:
+    """Return how many cells rows have from the first one with numbers, and fill rows that lack the last columns."""
+    counts = Counter(len(row) for row in rows[first:])
+    width = counts.most_common(1)[0][0]
+    if first and width < len(rows[first - 1]) in counts:
+        short, width = width, len(rows[first - 1])
+        for row in rows[first:]:
+            row += [""] * (width - short if len(row) == short else 0)
+    is_empty = not any(row[width - 1] for row in rows[first:] if len(row) == width)
+    return width - 1 if is_empty and width > 1 else width  # the lines end in a separator
+
+
+def _rows(lines: Sequence[Line]) -> tuple[str | None, list[list[str]]]:
+    """Return the separator of lines, and their cells; groups of numbers without names are cells each."""
+    separator = _separator([text for _, text in lines[:60]])
+    rows = [_row(text, separator) for _, text in lines]
+    numbered = int(all(cell.isdecimal() for cell in rows[0]))
+    if len(rows) > numbered and all(map(_is_plain_vector, rows[numbered][:2])):
+        return None, [_NUMBERS.findall(text) if index >= numbered else [] for index, (_, text) in enumerate(lines)]
+    return separator, rows
 
 
 def _is_digits(rows: Sequence[Sequence[str]]) -> bool:
@@ -170,7 +216,7 @@ def _separator(texts: Sequence[str]) -> str | None:
         rows = [_row(text, separator) for text in texts]
         width, count = Counter(len(row) for row in rows).most_common(1)[0]
         cells = [cell for row in rows if _has_numbers(row) for cell in row if cell]
-        good = sum(number(cell) is not None or vector(cell) is not None or _is_pair(cell) for cell in cells)
+        good = sum(number(cell) is not None or _parts(cell) is not None for cell in cells)
         return round(good / max(1, len(cells)) * count / len(rows), 2) if width > 1 else 0.0, good
 
     return max(SEPARATORS, key=quality)
@@ -196,7 +242,7 @@ def _row(text: str, separator: str | None) -> list[str]:
 def _has_numbers(row: Sequence[str]) -> bool:
     """Return whether most of at least three known cells of a row are numbers."""
     known = [cell for cell in row if cell.lower() not in UNKNOWN]
-    good = sum(number(cell) is not None or 3 * (vector(cell) is not None or _is_pair(cell)) for cell in known)
+    good = sum(number(cell) is not None or 3 * (_parts(cell) is not None) for cell in known)
     return good >= max(3, 0.5 * len(known)) or (len(row) >= 3 and bool(row[0]) and not known)
 
 

@@ -41,12 +41,19 @@ class Column(NamedTuple):
 
 def parse(names: Sequence[Sequence[str]]) -> list[Column]:
     """Return what the columns are whose header's cells are given, from top to bottom."""
-    columns = []
+    columns: list[Column] = []
+    in_space: set[int] = set()
     for cells in names:
         words = [word for cell in cells for word in _words(cell)]
         is_numbered = len(words) > 2 and words[0] in WORDS["person"] and words[1].isdecimal()
         person, words = (words[1], words[2:]) if is_numbered else ("", words)
+        in_space |= {len(columns)} if "world" in words else set()
         columns.append(_parse(words)._replace(person=person))
+    better = {columns[index] for index in in_space}  # than those in the picture
+    columns = [
+        Column("") if column in better and column.role and index not in in_space else column
+        for index, column in enumerate(columns)
+    ]
     placed = {column[1:] for column in columns if column.role in AXES}
     return [column if column.role != "state" or column[1:] in placed else Column("") for column in columns]
 

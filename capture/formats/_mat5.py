@@ -1,4 +1,4 @@
-"""A reader of real numeric arrays in MATLAB 5 files, after the published file layout.
+"""A reader of arrays of real numbers, also in structures and cells, in MATLAB 5 files, after the published layout.
 
 SciPy reads these files too, but a damaged file makes its compiled reader end the whole process. Here it is an error.
 
@@ -9,7 +9,7 @@ zlib into another element.
 
 import struct
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import prod
 from typing import Literal
 
@@ -29,6 +29,8 @@ OTHER_CLASSES = {1: "cells", 2: "structure", 3: "object", 4: "text", 5: "sparse 
 COMPLEX_FLAG = 0x800
 MAX_ARRAY_HEAD_BYTES = 4096
 """Number of bytes of an array's element that are decompressed to read its flags, dimensions and name."""
+MAX_PARTS = 10_000
+"""Maximum number of fields or cells of an array that are read."""
 MAX_ARRAY_BYTES = 64 * 2**20
 """Maximum size of an array: more than an hour of 20 joints. A file of 64 KiB can decompress to as much."""
 
@@ -71,12 +73,54 @@ class Variable:
         """
         if self.kind != "structure":
             return self.kind
+        fields, _ = self._fields()
+        return f"structure of {', '.join(fields[:12])}{' …' if len(fields) > 12 else ''}"
+
+    def parts(self) -> dict[str, "Variable"]:
+        """Return the fields of a structure, or the cells of cells by their numbers from 1; nothing of other arrays.
+
+        Raises
+        ------
+        Mat5Error
+            The array is larger than 64 MiB or incomplete.
+        """
+        names: list[str] = []
+        if self.kind == "structure":
+            names, rest = self._fields()
+        elif self.kind == "cells":
+            *_, rest = _array_head(self._array(), self.order)
+        else:
+            return {}
+        count = prod(self.shape)
+        found: dict[str, Variable] = {}
+        while rest and len(found) < min(count * (len(names) or 1), MAX_PARTS):
+            _, content, rest = _split_element(rest, self.order)
+            index = len(found)
+            name = names[index % len(names)] if names else str(index + 1)
+            if names and count > 1:
+                name = f"{index // len(names) + 1}.{name}"
+            found[name] = _variable(content, order=self.order)[1]
+        return found
+
+    def text(self) -> str:
+        """Return the text of an array of letters.
+
+        Raises
+        ------
+        Mat5Error
+            The array is larger than 64 MiB or incomplete.
+        """
+        *_, rest = _array_head(self._array(), self.order)
+        kind, stored, _ = _split_element(rest, self.order)
+        return bytes(stored).decode("utf-16-le" if kind in (4, 17) else "utf-8", errors="replace").strip()
+
+    def _fields(self) -> tuple[list[str], memoryview]:
+        """Return the names of a structure's fields, and the bytes of their arrays."""
         *_, rest = _array_head(self._array(), self.order)
         _, length, rest = _split_element(rest, self.order)
-        _, names, _ = _split_element(rest, self.order)
+        _, names, rest = _split_element(rest, self.order)
         size = int.from_bytes(length, "little" if self.order == "<" else "big") or 1
-        fields = [bytes(names[k : k + size]).split(b"\0")[0].decode("latin-1") for k in range(0, len(names), size)]
-        return f"structure of {', '.join(fields[:12])}{' …' if len(fields) > 12 else ''}"
+        return [bytes(names[k : k + size]).split(b"\0")[0].decode("latin-1") for k in range(0, len(names), size)], rest
 
     def _array(self) -> memoryview:
         return _decompressed(self.content, self.order, MAX_ARRAY_BYTES) if self.compressed else self.content
@@ -116,12 +160,20 @@ def variables(data: bytes) -> dict[str, Variable]:
             raise Mat5Error(f"an element of type {kind} is in the place of an array")
         compressed = kind == COMPRESSED_TYPE
         head = _decompressed(content, order, MAX_ARRAY_HEAD_BYTES) if compressed else content
-        flags, shape, name, _ = _array_head(head, order)
-        what = OTHER_CLASSES.get(flags & 0xFF, "unknown data")
-        if flags & 0xFF in NUMBER_CLASSES:
-            what = "complex numbers" if flags & COMPLEX_FLAG else "numbers"
-        found[name] = Variable(shape, what, content, compressed, order)
+        name, own = _variable(head, order=order)
+        found[name] = replace(own, content=content, compressed=compressed)
     return found
+
+
+def _variable(content: memoryview, *, order: Order) -> tuple[str, Variable]:
+    """Return the name of an array, and the array, whose element has this content."""
+    if not content:  # an empty field
+        return "", Variable((0,), "nothing", content, False, order)
+    flags, shape, name, _ = _array_head(content, order)
+    what = OTHER_CLASSES.get(flags & 0xFF, "unknown data")
+    if flags & 0xFF in NUMBER_CLASSES:
+        what = "complex numbers" if flags & COMPLEX_FLAG else "numbers"
+    return name, Variable(shape, what, content, False, order)
 
 
 def _split_element(data: memoryview, order: Order, *, padded: bool = True) -> tuple[int, memoryview, memoryview]:

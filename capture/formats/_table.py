@@ -14,11 +14,11 @@ from typing import NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.formats._cells import DecimalCommaError, UnevenError, number, split, vector
+from capture.formats._cells import PARTS, DecimalCommaError, UnevenError, number, split
 from capture.formats._columns import AXES, WORDS, Column, parse, with_numbers_as_axes
 from capture.formats._rows import Line
 from capture.formats.joint_sets import MAX_MISFIT, Fit, clearest, fits
-from capture.formats.layouts import JOINT_SETS
+from capture.formats.layouts import HOLISTIC, JOINT_SETS
 from capture.formats.options import ReadOptions
 from capture.formats.positions import is_person, missing_joints
 from puppetline.errors import SkeletonLogError, at
@@ -38,6 +38,15 @@ NAME_COLUMNS = "Name the columns in the first line, or those of each joint in a 
 
 WIDTHS = (3, 4, 7)
 """Numbers of a joint without a header: x y z, then a state or a quaternion."""
+
+_PART = re.compile("((left|right)_)?(hand|face)_.*[0-9]$")
+"""Landmarks of a hand or a face, which trackers number apart."""
+
+MAX_MISSING = 2
+"""Number of missing joints up to which a table that is no person's is told so."""
+
+GROUP_SIZES = range(4, 9)
+"""Numbers of a joint in a row in which each begins with the joint's number."""
 
 OTHER_LAYOUTS = {171: ("cad60", [*range(11, 165, 14), *range(155, 171, 4)])}
 """Joint set, and first columns of the joints, of tables without a header whose joints differ: CAD-60."""
@@ -148,9 +157,7 @@ class Table:
         fields: dict[str, int] = {}
         repeats: dict[str, int] = {}
         for index, (role, joint, _) in enumerate(columns):
-            if index in self.cells.vectors and joint and role in ("", *AXES):
-                joints.setdefault(joint, {"x": index})
-            elif role in (*AXES, "state"):
+            if role in (*AXES, "state"):
                 name = joint
                 if not joint:  # one joint in each row, or several without names
                     name = f"{UNNAMED}{repeats.get(role, 0)}"
@@ -160,20 +167,19 @@ class Table:
                 fields.setdefault(role if role not in fields else f"joint {len(fields)}", index)
             elif role and (index == 0 or self._names[index]):
                 fields.setdefault(role, index)
-        joints = {
-            name: own for name, own in joints.items() if own.keys() >= set(AXES) or own.get("x") in self.cells.vectors
-        }
+        joints = {name: own for name, own in joints.items() if own.keys() >= set(AXES)}
         if not joints:
             return None
         unnamed = {name: own for name, own in joints.items() if name.startswith(UNNAMED)}
         if len(joints) > len(unnamed):
-            joints = {name: own for name, own in joints.items() if name not in unnamed}
+            joints = {name: own for name, own in joints.items() if name not in unnamed and not _PART.match(name)}
             numbers = {name: name.lstrip("abcdefghijklmnopqrstuvwxyz_") for name in joints}
             is_numbered = all(number.isdecimal() for number in numbers.values())
             if is_numbered and len({name.removesuffix(number) for name, number in numbers.items()}) == 1:
                 joints = {numbers[name]: own for name, own in joints.items()}
             return Layout(joints, fields) if is_numbered or is_person(list(joints)) else None
-        is_known = len(joints) > 1 or fields or self._joint_set_of_rows(next(iter(joints.values()))) is not None
+        is_known = len(joints) > 1 or fields or self._is_of_joints
+        is_known = is_known or self._joint_set_of_rows(next(iter(joints.values()))) is not None
         return Layout(joints, fields) if is_known else None
 
     def _mapped(self, path: Path) -> Layout:
@@ -189,10 +195,13 @@ class Table:
             ) from error
         joints, fields = {}, {}
         for name, own in chosen.items():
-            columns = [self._column_of(path, name, each) for each in (own if isinstance(own, list) else [own])]
+            columns = [
+                column
+                for each in (own if isinstance(own, list) else [own])
+                for column in self._columns_of(path, name, each)
+            ]
             is_field = name in ("time", "frame", "person", "joint")
-            is_whole = is_field or self.cells.vectors.keys() >= set(columns[:1])
-            if len(columns) not in ((1,) if is_whole else (3, 4)):
+            if len(columns) not in ((1,) if is_field else range(3, 8)):
                 raise SkeletonLogError(
                     at(path, field=name),
                     found=f"{len(columns)} columns",
@@ -212,22 +221,31 @@ class Table:
             )
         return Layout(joints, fields)
 
-    def _column_of(self, path: Path, field: str, name: object) -> int:
-        if isinstance(name, int) and 1 <= name <= self.width:
-            return name - 1
-        if name in self._names:
-            return self._names.index(str(name))
-        raise SkeletonLogError(
-            at(path, field=field),
-            found=f"the column {name!r}",
-            expected=f"a number from 1 to {self.width}, or a name of the table such as {self._names[0]!r}",
-            fix="Correct this line.",
-        )
+    def _columns_of(self, path: Path, field: str, name: object) -> list[int]:
+        """Return the columns of a column of the file, which has a name or a number from 1."""
+        origin, count = self.cells.origin, self.cells.origin[-1] + 1
+        chosen = [
+            index
+            for index, column in enumerate(origin)
+            if name == column + 1
+            or name == self._names[index]
+            or (origin.count(column) > 1 and name == " ".join(self.cells.names[index][:-1]))
+        ]
+        if not chosen:
+            raise SkeletonLogError(
+                at(path, field=field),
+                found=f"the column {name!r}",
+                expected=f"a number from 1 to {count}, or a name of the table such as {self._names[0]!r}",
+                fix="Correct this line.",
+            )
+        return chosen
 
     def _unnamed(self) -> list[Layout]:
         """Return the layout without names in which the columns are a person's joints, if there is one."""
-        if self.cells.has_pairs or (any(self._names) and not self._are_numbered()):
+        if any(self._names) and not self._are_numbered():
             return []
+        if groups := self._numbered_groups():
+            return groups
         found: list[tuple[Fit, Layout]] = []
         for name, starts, size in self._candidates():
             sample = np.stack([self.positions({"x": x, "y": x + 1, "z": x + 2}) for x in starts], axis=1)
@@ -255,8 +273,37 @@ class Table:
             expected = (str(first + index % count) for index in range(3 * count))
             is_joint = count > 4 and all(cell == each for cell, each in zip(numbers, expected, strict=False))
             if is_joint and all(number(row[column + 3]) is not None for row in self.cells.rows[:count]):
-                own = {axis: column + 1 + k for k, axis in enumerate(AXES)}
-                return [Layout({f"{UNNAMED}0": own}, {"joint": column} | ({"frame": column - 1} if column else {}))]
+                own = self._with_best_depth(column, count)
+                return [Layout({f"{UNNAMED}0": own}, {"joint": column} | ({"time": column - 1} if column else {}))]
+        return []
+
+    def _with_best_depth(self, column: int, count: int) -> dict[str, int]:
+        """Return the columns of x, y and that z, of those after them, with which `count` joints are a person."""
+        names = [name for name, joints in JOINT_SETS.items() if len(joints) == count]
+        layouts = []
+        for z in range(column + 3, self.width):
+            own = {"x": column + 1, "y": column + 2, "z": z}
+            if any(number(row[z]) is None for row in self.cells.rows[:count]):
+                break
+            whole = self.positions(own)[: len(self.cells.rows) // count * count]
+            layouts += [(fit.misfit, z, own) for fit in fits(whole.reshape(-1, count, 3), names)[:1]]
+        return min(layouts)[2] if layouts else {axis: column + 1 + k for k, axis in enumerate(AXES)}
+
+    def _numbered_groups(self) -> list[Layout]:
+        """Return the layout of rows in which each joint's number stands before its x, y and z."""
+        first, *others = self.cells.rows
+        fixed = [cell.isdecimal() and all(row[column] == cell for row in others) for column, cell in enumerate(first)]
+        for size, start in itertools.product(GROUP_SIZES, range(MAX_EXTRA_COLUMNS + 1)):
+            columns = range(start, self.width - size + 1, size)
+            if len(columns) > 4 and all(fixed[column] for column in columns):
+                numbers = [int(first[column]) for column in columns]
+                roles = (*AXES, "state")[: size - 1]
+                joints = {
+                    str(number): {role: column + 1 + k for k, role in enumerate(roles)}
+                    for number, column in zip(numbers, columns, strict=True)
+                }
+                if numbers == sorted(set(numbers)):
+                    return [Layout(joints, {"time": start - 1} if start else {})]
         return []
 
     def _are_numbered(self) -> bool:
@@ -271,8 +318,14 @@ class Table:
         for (name, joints), size in itertools.product(JOINT_SETS.items(), WIDTHS):
             extra = self.width - size * len(joints)
             if chosen in (None, name) and 0 <= extra <= MAX_EXTRA_COLUMNS:
-                for before in range(extra + 1):
+                texts = [k for k, cell in enumerate(self.cells.rows[0][: extra + 1]) if number(cell) is None]
+                for before in range(max(texts, default=-1) + 1, extra + 1):
                     yield name, list(range(before, before + size * len(joints), size)), size
+
+    @property
+    def _is_of_joints(self) -> bool:
+        """Whether a name says that a row is a joint."""
+        return any(set(name.lower().replace("_", " ").split()) & WORDS["joint"] for name in self._names)
 
     def joints_per_frame(self, layout: Layout) -> int:
         """Return how many rows a frame has, if each row is a joint."""
@@ -290,10 +343,9 @@ class Table:
         best: list[Fit] = []
         for name, joints in JOINT_SETS.items():
             count = len(rows) // len(joints)
-            if self.options.joints in (None, name) and count:
+            if self.options.joints in (None, name) and count and name not in HOLISTIC:
                 best += fits(rows[: count * len(joints)].reshape(count, -1, 3), [name])
-        is_named = any(set(name.lower().replace("_", " ").split()) & WORDS["joint"] for name in self._names)
-        if not (self.options.joints or is_named):  # points of a mesh are rows of x y z too
+        if not (self.options.joints or self._is_of_joints):  # points of a mesh are rows of x y z too
             best = [fit for fit in best if fit.misfit < MAX_MISFIT]
         return min(best, key=lambda fit: fit.misfit).name if best else None
 
@@ -303,20 +355,25 @@ class Table:
     def layouts(self) -> list[Layout]:
         """The columns of each performer, or one layout if performers share columns; an error without positions."""
         if not self._layouts:
-            names = ", ".join(filter(None, self._names[:12]))
+            named = [
+                name
+                for name, cells in zip(self._names, self.cells.names, strict=True)
+                if len(cells) == 1 or set(cells) - set(PARTS)
+            ]
+            names = ", ".join(named[:12])
             found = (
-                f"a table with the columns {names}{' …' if self.width > 12 else ''}"
+                f"a table with the columns {names}{' …' if len(named) > 12 else ''}"
                 if names
-                else f"a table with {self.width} columns without names"
+                else f"a table with {self.cells.origin[-1] + 1} columns without names"
             )
             columns = parse(self.cells.names)
             roles = {column.role for column in columns}
             missing = missing_joints([column.joint for column in columns if column.role == "z"])
             # a shoulder without an elbow may be a collar
             missing = [joint for joint in missing if not joint.startswith("shoulder")]
-            if missing and "hip_center" not in missing:
+            if 0 < len(missing) <= MAX_MISSING:
                 found += f", which have no {' and '.join(missing)}"
-            if self.cells.has_pairs or (roles >= {"x", "y"} and "z" not in roles):
+            if roles >= {"x", "y"} and "z" not in roles:
                 self.refuse(f"{found}, which have no z: positions in a picture", IN_SPACE)
             self.refuse(found, NAME_COLUMNS if roles >= set(AXES) or not names else f"{EXPORT} {NAME_COLUMNS}")
         return self._layouts
@@ -333,28 +390,19 @@ class Table:
 
     def positions(self, own: dict[str, int]) -> Floats:
         """Return the positions (R, 3) in a joint's columns; NaN if unknown."""
-        if own["x"] in self.cells.vectors:
-            return self._numbers(own["x"])[:, :3]
-        return np.concatenate([self._numbers(own[axis]) for axis in AXES], axis=1)
+        return np.stack([self._numbers(own[axis]) for axis in AXES], axis=1)
 
     def _numbers(self, column: int) -> Floats:
-        """Return the numbers (R, n) of a column; NaN if unknown."""
-        if column in self._known:
-            return self._known[column]
-        size = self.cells.vectors.get(column, 1)
-        values = np.full((len(self.cells.rows), size), np.nan)
-        for index, row in enumerate(self.cells.rows):
-            cell = row[column]
-            found = vector(cell) if size > 1 else number(cell)
-            if found is None and number(cell) is not None:
-                continue
-            if found is None or (isinstance(found, list) and len(found) != size):
+        """Return the numbers (R,) of a column; NaN if unknown."""
+        if column not in self._known:
+            found = [number(row[column]) for row in self.cells.rows]
+            if None in found:
+                index = found.index(None)
                 raise SkeletonLogError(
                     at(self.path, self.cells.lines[index]),
-                    found=f"{cell[:40]!r} in {self.column_name(column)}",
-                    expected="a number" if size == 1 else f"{size} numbers",
+                    found=f"{self.cells.rows[index][column][:40]!r} in {self.column_name(column)}",
+                    expected="a number",
                     fix="Correct or delete this line, or record again.",
                 )
-            values[index] = found
-        self._known[column] = values
-        return values
+            self._known[column] = np.array(found, dtype=np.float64)
+        return self._known[column]

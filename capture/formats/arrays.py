@@ -6,7 +6,7 @@ Positions have the axes frames, joints and x y z in any order, perhaps people, a
 
 import itertools
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn
@@ -21,7 +21,7 @@ from capture.formats._mat5 import Variable, variables
 from capture.formats.joint_sets import Fit, clearest, fits
 from capture.formats.layouts import JOINT_SETS
 from capture.formats.options import ReadOptions
-from capture.formats.positions import clip_of_positions
+from capture.formats.positions import clip_of_positions, is_person
 from capture.formats.table import confidence_of
 from puppetline.errors import SkeletonLogError
 
@@ -30,12 +30,15 @@ Arrays = Mapping[str, NDArray[np.generic]]
 MAX_BYTES = 2**30
 """Maximum size of all arrays of a file."""
 
+MAX_ARRAYS = 1000
+"""Maximum number of arrays of a file that are read."""
+
 MAX_PEOPLE = 16
 """Maximum number of people in one array; there are at least as many frames."""
 
 NPY_MAGIC = b"\x93NUMPY"
 
-_RATES = ("mocap_framerate", "mocap_frame_rate", "framerate", "frame_rate", "fps")
+_RATES = ("freq", "mocap_framerate", "mocap_frame_rate", "framerate", "frame_rate", "fps")
 _SIZES = {len(joints) for joints in JOINT_SETS.values()}
 
 
@@ -55,13 +58,17 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
         The file is damaged, or its arrays are no person's joints or parameters.
     """
     arrays = load(path)
-    rate = next((float(arrays[name].item()) for name in _RATES if name in arrays and arrays[name].size == 1), None)
+    single = {place: array for place, array in arrays.items() if array.size == 1 and array.dtype.kind in "fiu"}
+    rates = {place.rsplit(".", 1)[-1]: float(array.item()) for place, array in single.items()}
+    rate = next((rates[name] for name in _RATES if name in rates), None)
     notes: tuple[str, ...] = ()
     if options.fps is None and rate is not None and 1 <= rate <= 1000:
         options, notes = replace(options, fps=rate), (f"The file states {rate:g} frames per second.",)
     if parameters := smpl.parameters(arrays):
         names, points = smpl.positions(*parameters)
         notes = (*notes, "Parameters of the SMPL body; the bones have the lengths of a typical person.")
+        return [clip_of_positions(path, "arrays", names, points, options, notes=notes)]
+    for names, points in _named(arrays):
         return [clip_of_positions(path, "arrays", names, points, options, notes=notes)]
     name, people = _people(path, arrays, options)
     return [
@@ -104,9 +111,10 @@ def load(path: Path) -> Arrays:
                 return arrays or {name: loaded[name] for name in loaded.files}
         with opened(path) as file:
             found = variables(file.read())
-        if not any(each.kind == "numbers" for each in found.values()):
+        arrays = dict(itertools.islice(_of_matlab(found), MAX_ARRAYS))
+        if not any(array.dtype.kind == "f" for array in arrays.values()):
             _refuse_variables(path, found)
-        return {name: each.numbers() for name, each in found.items() if each.kind == "numbers"}
+        return arrays
     except SkeletonLogError:
         raise
     except Exception as error:  # NumPy raises errors of any kind for a damaged file
@@ -121,6 +129,20 @@ def load(path: Path) -> Arrays:
             if is_object
             else "Save it again from where it was written; MATLAB: save -v7.",
         ) from error
+
+
+def _of_matlab(
+    found: Mapping[str, Variable], prefix: str = "", depth: int = 4
+) -> Iterator[tuple[str, NDArray[np.generic]]]:
+    """Yield arrays of numbers, and lists of texts, by their places in structures and cells, such as take.data."""
+    for name, each in found.items():
+        if each.kind == "numbers":
+            yield prefix + name, each.numbers()
+        elif depth and (parts := each.parts()):
+            if all(part.kind == "text" for part in parts.values()):
+                yield prefix + name, np.array([part.text() for part in parts.values()])
+            else:
+                yield from _of_matlab(parts, f"{prefix}{name}.", depth - 1)
 
 
 def _refuse_variables(path: Path, found: Mapping[str, Variable]) -> NoReturn:
@@ -138,7 +160,25 @@ def _numeric(loaded: "np.lib.npyio.NpzFile", name: str) -> NDArray[np.generic] |
         array = loaded[name]
     except ValueError:  # an array of Python objects beside others
         return None
-    return array if isinstance(array, np.ndarray) and array.dtype.kind in "fiub" else None
+    return array if isinstance(array, np.ndarray) and array.dtype.kind in "fiubU" else None
+
+
+def _named(arrays: Arrays) -> Iterator[tuple[list[str], NDArray[np.float64]]]:
+    """Yield names and positions (T, J, 3) of arrays that are called like joints, or beside a list of their names."""
+    groups: dict[tuple[str, int], dict[str, NDArray[np.float64]]] = {}
+    for place, array in arrays.items():
+        *group, name = place.rsplit(".", 1)
+        if array.dtype.kind in "fiu" and array.ndim == 2 and 3 in array.shape:
+            rows = (array if array.shape[1] == 3 else array.T).astype(np.float64)
+            groups.setdefault(("".join(group), len(rows)), {})[name] = rows
+        if array.dtype.kind == "U" and is_person(names := [str(each) for each in array.ravel()]):
+            beside = [each for other, each in arrays.items() if other.rsplit(".", 1)[:-1] == group]
+            for each in beside:
+                if each.dtype.kind in "fiu" and each.size <= MAX_BYTES // 8:
+                    yield from ((names, people[0][..., :3]) for people in _orders(each, {len(names)}))
+    for joints in groups.values():
+        if is_person(list(joints)):
+            yield list(joints), np.stack(list(joints.values()), axis=1)
 
 
 def _people(path: Path, arrays: Arrays, options: ReadOptions) -> tuple[str, list[NDArray[np.float64]]]:
@@ -161,15 +201,17 @@ def _people(path: Path, arrays: Arrays, options: ReadOptions) -> tuple[str, list
     return next((fit.name, people) for fit, people in found if fit is best)
 
 
-def _orders(array: NDArray[np.generic]) -> list[list[NDArray[np.float64]]]:
+def _orders(array: NDArray[np.generic], sizes: Collection[int] = _SIZES) -> list[list[NDArray[np.float64]]]:
     """Return the ways to read an array as people (T, J, 3 or 4)."""
     array = np.squeeze(array)
     if not array.size:
         return []
+    if array.ndim == 1:  # one frame
+        array = array[None]
     if array.ndim == 2:  # a row per frame, or per joint
         found = []
         for rows in (array, array.T):
-            for size, width in itertools.product(sorted(_SIZES), (3, 4)):
+            for size, width in itertools.product(sorted(sizes), (3, 4)):
                 if rows.shape[1] == size * width:
                     found.append([rows.reshape(len(rows), size, width).astype(np.float64)])
         return found
@@ -179,7 +221,7 @@ def _orders(array: NDArray[np.generic]) -> list[list[NDArray[np.float64]]]:
     for axes in itertools.permutations(range(array.ndim)):
         *people, time, joint, place = axes
         counts = [array.shape[axis] for axis in axes]
-        if counts[-1] not in (3, 4) or counts[-2] not in _SIZES or (people and counts[0] > min(MAX_PEOPLE, counts[1])):
+        if counts[-1] not in (3, 4) or counts[-2] not in sizes or (people and counts[0] > min(MAX_PEOPLE, counts[1])):
             continue
         own = array.transpose(*people, time, joint, place).astype(np.float64)
         found.append(list(own) if people else [own])
@@ -196,7 +238,7 @@ def describe(arrays: Arrays) -> str:
 def _refuse(path: Path, arrays: Arrays, options: ReadOptions) -> NoReturn:
     shapes = [np.squeeze(array).shape for array in arrays.values()]
     found, fix = describe(arrays), ""
-    if any(len(shape) > 1 and shape[-1] == 2 for shape in shapes):
+    if any(shape[-1:] == (2,) and shape[-2:-1] and shape[-2] in _SIZES for shape in shapes):
         found, fix = f"{found}, positions in a picture (2D)", "Use positions in space, or the video itself."
     elif any(shape[-1:] == (263,) for shape in shapes):
         found, fix = f"{found}, features of HumanML3D", "Use the joints of the same motion, in new_joints."

@@ -155,7 +155,7 @@ class _Lines(LineSource):
     """The lines that are not blank, with each brace on a line of its own."""
 
     def __init__(self, path: Path) -> None:
-        super().__init__(path, self._split(read_lines(path)))
+        super().__init__(path, self._split(read_lines(path, errors="replace")))
 
     @staticmethod
     def _split(lines: list[Line]) -> Iterator[Line]:

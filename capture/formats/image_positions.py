@@ -1,8 +1,9 @@
 """Positions that trackers measure in an image, in one unit.
 
-x and y are shares of the image's width and height, or pixels. z, the depth from the hips, is a share of its width. The
-ratio of the image's sides and the factor of the depths are those with which the body comes closest to the proportions
-of a typical one. For pixels, the image is the smallest common one that has the body in it.
+x and y are shares of the image's width and height, or pixels. z, the depth from the hips, is a share of its width, or
+in pixels. The ratio of the image's sides and the factor of the depths are those with which the body comes closest to
+the proportions of a typical one, and its bones keep their lengths best. For pixels, the image is the smallest common
+one that has the body in it.
 """
 
 import warnings
@@ -30,8 +31,14 @@ MAX_OUTSIDE = 2.0
 SIZES = ((640, 480), (480, 640), (1280, 720), (720, 1280), (1920, 1080), (1080, 1920), (3840, 2160), (2160, 3840))
 """Common widths and heights of images, the smallest ones first."""
 
-DEPTHS = (1.0, 0.5, 0.25)
+DEPTHS = (1.0, 0.5, 0.25, 0.125)
 """Factors of the depths that are tried; trackers exaggerate them."""
+
+MAX_DEPTH_OF_HIPS = 0.002
+"""Largest distance of the hips from the depth 0, if it is in pixels, as a share of the body's height."""
+
+MIN_PIXELS = 20
+"""Smallest distance of the hips from the image's edges, from which they are taken to be in pixels."""
 
 PIXEL_DEPTH_SHARE = 0.02
 """Ratio of the extents of z and y below which y is in pixels if z is a share of the image's width."""
@@ -54,14 +61,18 @@ def unit_of(points: Floats) -> tuple[Floats, str]:
         return np.ones(3), ""
     middle = np.nanmedian(hips, axis=0)
     low, high = np.percentile(known, [5, 95], axis=0)
-    if (middle[:2] < 0.05).any() or abs(middle[2]) > 0.05:
+    extent = high - low
+    is_share = 0 < extent[2] < PIXEL_DEPTH_SHARE * extent[1]
+    depth_of_hips = np.nanpercentile(np.abs(hips[:, 2]), 90)
+    is_pixel = bool(depth_of_hips < MAX_DEPTH_OF_HIPS * extent[1] and extent[2] > 0 and (high[:2] < SIZES[-2]).all())
+    if (middle[:2] < 0.05).any() or (abs(middle[2]) > 0.05 and (is_share or not is_pixel)):
         return np.ones(3), ""
     is_down = bool(np.nanmedian(shoulders[:, 1] - hips[:, 1]) < 0)
     if (low[:2] > -0.2).all() and (high[:2] < 1 + (MAX_OUTSIDE if is_down else 0.2)).all():
         kind, units = "shares", {name: (1.0, 1 / ratio, 1.0) for name, ratio in RATIOS.items()}
-    elif 0 < high[2] - low[2] < PIXEL_DEPTH_SHARE * (high[1] - low[1]):
+    elif is_share or (is_pixel and is_down and (middle[:2] > MIN_PIXELS).all() and (low[:2] > 0).all()):
         width, height = next((size for size in SIZES if (high[:2] < size).all()), SIZES[-1])
-        kind, units = "pixels", {f"{width} × {height}": (1.0, 1.0, float(width))}
+        kind, units = "pixels", {f"{width} × {height}": (1.0, 1.0, float(width if is_share else 1))}
     else:
         return np.ones(3), ""
     misfits = {
@@ -70,20 +81,26 @@ def unit_of(points: Floats) -> tuple[Floats, str]:
         for depth in DEPTHS
     }
     size, depth = min(misfits, key=misfits.__getitem__)
-    if _misfit(points) < misfits[size, depth]:  # they have one unit
+    if kind == "shares" and _misfit(points) < misfits[size, depth]:  # they have one unit
         return np.ones(3), ""
     note = f"x and y are {kind} of an image, which is assumed to have {size}. Depths of such positions are rough."
     return np.multiply(units[size], [1, 1, depth]), note
 
 
 def _misfit(points: Floats) -> float:
-    """Return how much bones, and hips and shoulders, differ in their proportions from those of a typical person."""
+    """Return how much bones, and hips and shoulders, differ in their proportions from those of a typical person.
+
+    A bone that changes its length adds to it.
+    """
     with warnings.catch_warnings(action="ignore"):  # joints that are always lost
+        lengths = np.array([bone_length(points, *bone) for bone in BONES])
+        spread = np.nanmean(np.nanstd(lengths, axis=1) / np.nanmean(lengths, axis=1))
         wide = [np.nanmedian(bone_length(points, f"{joint}_left", f"{joint}_right")) for joint in ("shoulder", "hip")]
-        tall = [np.nanmedian(bone_length(points, *bone)) for bone in BONES]
-        expected = TYPICAL_WIDTHS_METRES / sum(typical_bone_length(bone) for bone, _ in BONES)
+        tall = np.nanmedian(lengths, axis=1)
+        typical = np.array([typical_bone_length(bone) for bone, _ in BONES])
+        expected = TYPICAL_WIDTHS_METRES / typical[np.isfinite(tall)].sum()
         deviation = np.nanmean(np.abs(np.log(bone_ratios(points))))
-        return float(deviation + abs(np.log(np.nansum(wide) / np.nansum(tall) / expected)))
+        return float(deviation + spread + abs(np.log(np.nansum(wide) / np.nansum(tall) / expected)))
 
 
 def _middle(points: Floats, joint: str) -> Floats:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.formats import image_positions
-from capture.formats.layouts import JOINT_SETS
+from capture.formats.layouts import HOLISTIC, JOINT_SETS
 from capture.formats.placement import bone_length
 from capture.formats.positions import select
 from capture.formats.proportions import MAX_BONE_RATIO, bone_ratios
@@ -27,8 +27,8 @@ SAMPLE_FRAMES = 60
 MAX_MISFIT = 0.75
 """Largest misfit of a person; recordings of sensors have up to 0.7, wrong orders at least 1.0."""
 
-MAX_MISFITS = {"mediapipe": 1.6}
-"""The same for landmarks in images, whose depths are rough; no other set has as many joints."""
+MAX_MISFITS = dict.fromkeys(("mediapipe", *HOLISTIC), 1.6)
+"""The same for landmarks in images, whose depths are rough; no other sets have as many joints."""
 
 MAX_CENTRE_SHARE = 0.6
 """Maximum distance of the centres of hips and shoulders from their joints, as a share of the trunk's length."""

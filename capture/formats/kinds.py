@@ -77,7 +77,8 @@ def _describe(path: Path, head: bytes) -> tuple[str, str]:
         return "a binary file of an unknown kind", EXPORT
     if head.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] in (b"{", b"["):
         return _json(path), "Export x, y and z of the joints in each frame, with their names."
-    if path.suffix.lower() == ".bvh" or re.match(rb"\s*motion\s+frames", head, re.IGNORECASE):
+    is_numbers = path.suffix.lower() == ".bvh" and re.match(rb"[\s\d.eE+-]+\Z", head[:1000])
+    if is_numbers or re.match(rb"\s*(motion\s+)?frames\s*:", head, re.IGNORECASE):
         return "a BVH without its skeleton", "Copy the whole file: it begins with the word HIERARCHY."
     if cell := re.search(rb"\[\s*\[[^\[\]]+\](?:\s*,\s*\[[^\[\]]+\])+\s*\]", head):
         return _points_of_a_cell(cell[0])

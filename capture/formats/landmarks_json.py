@@ -37,6 +37,9 @@ _SIZES = {len(joints) for joints in JOINT_SETS.values()}
 MAX_NUMBER = 2.0**63
 """Bound of the magnitude of a number: larger than any time in nanoseconds, small enough for calculations."""
 
+MAX_POSES = 3
+"""Number of poses up to which an object with names for them is a frame; more are frames, with names of images."""
+
 MAX_DEPTH = 4
 """Number of levels of a frame in which its poses are searched."""
 
@@ -133,14 +136,15 @@ def _frames(document: Any) -> list[Any]:
     if isinstance(document, list) and any(_poses(frame) for frame in document[:50]):
         return document
     if isinstance(document, dict):
-        if document and all(key.replace(".", "", 1).isdecimal() for key in document):
+        is_numbered = all(key.replace(".", "", 1).isdecimal() for key in document)
+        if document and (is_numbered or (len(document) > MAX_POSES and all(map(_pose, document.values())))):
             return list(document.values())
         if frames := _frames_of_paths(document):
             return frames
         for value in document.values():
             if isinstance(value, (list, dict)) and _pose(value) is None and (frames := _frames(value)):
                 return frames
-    return []
+    return [document] if _poses(document) else []
 
 
 def _frames_of_paths(document: dict[str, Any]) -> list[Any]:
@@ -182,6 +186,8 @@ def _pose(value: Any) -> _Pose | None:
     """Return the pose that a value is; None if it is none."""
     if isinstance(value, dict):
         own = {name: point for name, each in value.items() if (point := _point(each)) is not None}
+        if len(own) == len(value) in _SIZES and all(key.isdecimal() for key in own):
+            return _Pose(None, list(own.values()))
         return _Pose(tuple(own), list(own.values())) if len(own) > 5 and is_person(list(own)) else None
     if not isinstance(value, list) or len(value) < min(_SIZES):
         return None

@@ -1,8 +1,8 @@
 """Markers on a body, as optical motion capture has them, and the joints between them.
 
-The markers are those of Plug-in Gait, of CMU and of OpenSim's models, in several spellings. A joint is the mean of the
-markers on both sides of it, or a centre that a program has computed. The hips follow from the pelvis's markers: 0.36 of
-its width outwards, 0.19 backwards and 0.30 down from the middle of its front (Bell et al. 1990).
+The markers are those of Plug-in Gait, of CMU, of OpenSim's models and of ISB, in several spellings. A joint is the mean
+of the markers on both sides of it, or a centre that a program has computed. The hips follow from the pelvis's markers:
+0.36 of its width outwards, 0.19 backwards and 0.30 down from the middle of its front (Bell et al. 1990).
 """
 
 import re
@@ -14,34 +14,38 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 MARKERS = {
-    "front": "asi asis fwt",
-    "back": "psi psis bwt",
-    "sacrum": "sacr vsac vsacral s2 sacrum",
+    "front": "asi asis fwt waistf waistfront hipf ias fthip",
+    "back": "psi psis bwt backasis waistb hipb ips bkhip",
+    "sacrum": "sacr vsac vsacral s2 sacrum waistback",
     "hip": "hjc hipjoint",
     "knee": "kjc kneejoint",
-    "knee sides": "kne knee mknee lfc mfc",
+    "knee sides": "kne knee mknee lfc mfc fle fme",
     "ankle": "ajc anklejoint",
-    "ankle sides": "ank ankle mankle lmal mmal",
-    "foot": "toe toetip mt2 mt1 mt5",
-    "heel": "hee heel cal calc",
-    "shoulder": "sho acromium acromion acr shoulder acrotip",
-    "elbow": "elb elbow elbm melbow lel mel",
-    "wrist": "wra wrb wrist faradius faulna",
-    "hand": "fin mcp3",
-    "head sides": "fhd bhd temple",
-    "neck": "c7 clav sternum",
+    "ankle sides": "ank ankle mankle lmal mmal fal tam",
+    "toe": "toe to toetip mt2 mt1 mt5 forefoot bigtoe fm1 fm2 fm5",
+    "heel": "hee heel cal calc heelback fcc",
+    "shoulder": "sho acromium acromion acr shoulder acrotip sae",
+    "elbow": "elb elbow elbm melbow lel mel hle hme",
+    "wrist": "wri wra wrb w wrist faradius faulna radius ulna rsp usp",
+    "hand": "fin finger hand mcp3 middfing hm2 hm5",
+    "head sides": "fhd bhd temple hea thea fhea head headf headb headfront headback headtamp fthead bkhead",
+    "neck": "c7 cv7 clav sternum sjn",
 }
 """Names of markers, without the side, by what they are at."""
 
 BELL = 0.36, 0.19, 0.30
 """Distances of a hip from the middle of the pelvis's front, outwards, backwards and down, in widths of the pelvis."""
 
-_SIDE_OF_JOINT = re.compile("(lat|med|lateral|medial|radius|ulna|reg|study|v)+$")
+_SIDE_OF_JOINT = re.compile("(lat|med|lateral|medial|radius|ulna|reg|study|v|in|out|top|[0-9])+$")
 """Ends of names that tell the side of a joint, or how a program has placed the marker."""
 
+_WORD = re.compile("[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[0-9]+")
+_CORNER = re.compile("(?<![A-Za-z])([FB])([LR])(?![A-Za-z])", re.IGNORECASE)
+"""Front or back, and the side: Hip_FL."""
+_SIDES = {"l": "Left", "left": "Left", "r": "Right", "right": "Right", "lt": "Left", "rt": "Right"}
+
 _PLACES = {word: place for place, words in MARKERS.items() for word in words.split()}
-_NEEDED = "knee", "ankle", "shoulder", "elbow"
-_JOINTS = ("knee", "ankle", "foot", "shoulder", "elbow", "wrist", "hand")
+_JOINTS = ("knee", "ankle", "toe", "shoulder", "elbow", "wrist", "hand")
 
 
 def joints_of_markers(names: Sequence[str], positions: Floats) -> dict[str, Floats]:
@@ -57,26 +61,34 @@ def has_markers(names: Sequence[str]) -> bool:
     places = {place for place in map(_place, _own(names)) if place is not None}
     pelvis = {("hip", "Left"), ("hip", "Right")}, {("front", "Left"), ("front", "Right")}
     has_pelvis = pelvis[0] <= places or (pelvis[1] <= places and {"back", "sacrum"} & {place for place, _ in places})
-    sides = ((joint, side) for joint in _NEEDED for side in ("Left", "Right"))
-    return bool(has_pelvis) and all({(joint, side), (f"{joint} sides", side)} & places for joint, side in sides)
+    both = {
+        joint: all({(joint, side), (f"{joint} sides", side)} & places for side in ("Left", "Right"))
+        for joint in _JOINTS
+    }
+    return bool(has_pelvis) and both["shoulder"] and (both["elbow"] or both["knee"])
 
 
 def _own(names: Sequence[str]) -> list[str]:
-    """Return names without the word that they all begin with, or their namespace."""
-    is_shared = len({re.split("[:|_]", name)[0] for name in names}) == 1
-    return [re.split("[:|_]", name, maxsplit=1)[-1] if is_shared else re.split("[:|]", name)[-1] for name in names]
+    """Return names without their namespace and the word that they all begin with."""
+    own = [re.split("[:|]", name)[-1] for name in names]
+    is_shared = len({name.split("_")[0] for name in own}) == 1
+    return [name.split("_", maxsplit=1)[-1] for name in own] if is_shared else own
 
 
 def _place(name: str) -> tuple[str, str] | None:
     """Return what a marker is at, and its side; None for others."""
-    full = re.sub(r"[^a-z0-9]", "", name.lower())
+    words = [word.lower() for word in _WORD.findall(_CORNER.sub(r"\1_\2", name))]
+    side = next((word for word in words if word in _SIDES), "")
+    if side:  # LElbowOut, HeadL, r_knee
+        words.remove(side)
+    full = side[:1] + "".join(words)
     for own in (full, _SIDE_OF_JOINT.sub("", full)):
         if own in _PLACES:
             return _PLACES[own], ""
-        for side, word in (("Left", "l"), ("Right", "r")):
-            for rest in (own.removeprefix(word), own.removesuffix(word)):
+        for letter in ("l", "r"):
+            for rest in (own.removeprefix(letter), own.removesuffix(letter)):
                 if rest != own and rest in _PLACES:
-                    return _PLACES[rest], side
+                    return _PLACES[rest], _SIDES[letter]
     return None
 
 

@@ -62,6 +62,9 @@ Y_PREFERENCE = np.array([1.0, 1.5, 1.0])
 FLOOR, FLOOR_SPREAD = (-0.03, 0.15), 0.1
 """Range of the height of a body's lowest joint above a floor at 0, and how much it varies, in statures."""
 
+MAX_RISE = 1.0
+"""How far a body rises at most while its floor stays where it is, in statures."""
+
 MIN_MOTION = 0.05
 """Motion of a joint along an axis below which the heights along this axis tell nothing, in statures."""
 
@@ -101,17 +104,32 @@ class Placement:
         return turned * self.unit + self.shift
 
 
-def without_far_frames(path: Path, points: Floats, options: ReadOptions) -> tuple[Floats, tuple[str, ...]]:
-    """Return points (T, 20, 3) without the few frames that are too far from the others, and a note on these.
+@dataclass(frozen=True, slots=True)
+class Size:
+    """The height of a body in units of the file, the metres of a unit, and the note on it."""
 
-    Decoders and trackers that fail write such frames. If there are many, they are kept.
+    stature: float
+    unit: float
+    note: str
+
+
+def size_of(path: Path, points: Floats, options: ReadOptions, *, in_image: bool = False) -> Size:
+    """Return the size of the body whose points (T, 20, 3) are in the unit of the file; that of an image has no length.
 
     Raises
     ------
     SkeletonLogError
         The body has no size.
     """
-    unit, _ = _unit(_stature(path, points), options)
+    stature = _stature(path, points)
+    return Size(stature, *_unit(stature, options, has_length=not in_image))
+
+
+def without_far_frames(points: Floats, unit: float) -> tuple[Floats, tuple[str, ...]]:
+    """Return points (T, 20, 3) without the few frames that are too far from the others, and a note on these.
+
+    Decoders and trackers that fail write such frames. If there are many, they are kept. `unit` is in metres.
+    """
     with warnings.catch_warnings(action="ignore"):  # a joint that is never known
         away = np.abs(points - np.nanmedian(points, axis=(0, 1))) * unit > MAX_DISTANCE_METRES
     far = np.any(away, axis=(1, 2), keepdims=True)
@@ -123,7 +141,14 @@ def without_far_frames(path: Path, points: Floats, options: ReadOptions) -> tupl
 
 
 def place(
-    path: Path, points: Floats, front: Floats, options: ReadOptions, *, by_sensor: bool = True, in_image: bool = False
+    path: Path,
+    points: Floats,
+    front: Floats,
+    size: Size,
+    options: ReadOptions,
+    *,
+    by_sensor: bool = True,
+    in_image: bool = False,
 ) -> Placement:
     """Find where a file's coordinates are in sensor coordinates.
 
@@ -135,8 +160,9 @@ def place(
         In the unit and axes of the file; NaN for lost joints.
     front : (T, 3) float64
         Directions to the performer's front as far as faces and feet tell it; NaN if unknown.
+    size : Size
     options : ReadOptions
-        `up` and `unit` replace what is detected.
+        `up` replaces what is detected.
     by_sensor : bool
         Whether a sensor may have measured the positions, which then stay where they are.
     in_image : bool
@@ -145,13 +171,12 @@ def place(
     Raises
     ------
     SkeletonLogError
-        The body has no size, or lies on its side in the first frame.
+        The body lies on its side in the first frame.
     """
-    stature = _stature(path, points)
-    unit, unit_note = _unit(stature, options)
-    up, up_note = _up(points, options, None if by_sensor else stature, in_image=in_image)
+    unit = size.unit
+    up, up_note = _up(points, options, None if by_sensor else size.stature, in_image=in_image)
     across = _across(points)
-    notes: tuple[str, ...] = (unit_note, up_note)
+    notes: tuple[str, ...] = (size.note, up_note)
     ahead = np.cross(up, across - np.outer(across @ up, up))
     in_view = by_sensor and _in_view(points, unit * _sensor_axes(up, 1.0), ahead)
     handed = 1.0
@@ -164,15 +189,15 @@ def place(
     usable = np.isfinite(across).all(axis=1) & np.isfinite(points[:, JOINT_INDEX["hip_center"]]).all(axis=1)
     first = int(usable.argmax())
     right = across[first] - up * (across[first] @ up)
-    size = np.linalg.norm(right)
-    if not usable.any() or not size >= 0.1 * np.linalg.norm(across[first]) > 0:
+    length = np.linalg.norm(right)
+    if not usable.any() or not length >= 0.1 * np.linalg.norm(across[first]) > 0:
         raise SkeletonLogError(
             path,
             found="a first frame in which the left-to-right line of hips and shoulders points up",
             expected="a performer who stands or sits upright",
             fix="Set the axis that points up (y or z), or delete the first frames.",
         )
-    right /= size
+    right /= length
     notes = (*notes, f"The performer faces the sensor in the first frame, {HIP_DISTANCE_METRES:g} m in front of it.")
     axes = np.stack([right, up, handed * np.cross(right, up)])
     origin = points[first, JOINT_INDEX["hip_center"]]
@@ -245,8 +270,10 @@ def _up(points: Floats, options: ReadOptions, stature: float | None, *, in_image
     sign = 1.0 if body[axis] > 0 else -1.0
     name = f"{'−' if sign < 0 else ''}{'xyz'[axis]}"
     if stature is not None and not _has_floor(sign * points[..., axis] / stature, 2.0):
-        for other in (1, 2):  # a lying body
-            if other != axis and _has_floor(points[..., other] / stature, 1.0):
+        with warnings.catch_warnings(action="ignore"):  # frames without joints
+            way = np.ptp(np.nanpercentile(np.nanmin(sign * points[..., axis] / stature, axis=1), [5, 95]))
+        for other in (1, 2):  # a lying body, or one that crawls: nobody rises as far
+            if other != axis and _has_floor(points[..., other] / stature, 2.0 if way > MAX_RISE else 1.0):
                 note = f"Up is assumed to be {'xyz'[other]}, from the floor at 0 on which the body lies."
                 return np.eye(3)[other], note
     return sign * np.eye(3)[axis], f"Up is assumed to be {name}, the direction from feet to head."
@@ -262,13 +289,13 @@ def _has_floor(heights: Floats, tolerance: float) -> bool:
     return bool(is_moving and tolerance * below < middle < tolerance * above and high - low < tolerance * FLOOR_SPREAD)
 
 
-def _unit(stature: float, options: ReadOptions) -> tuple[float, str]:
+def _unit(stature: float, options: ReadOptions, *, has_length: bool) -> tuple[float, str]:
     """Return the metres per unit of the file, and the note on them."""
     if options.unit is not None:
         return options.unit, f"One unit is {options.unit:g} m, as given."
     sensors = {name: METRES_PER_UNIT[name] for name in ("metres", "centimetres", "millimetres")}
     for units, (low, high) in ((METRES_PER_UNIT, STATURE_METRES), (sensors, SENSOR_STATURE_METRES)):
-        for name, unit in units.items():
+        for name, unit in units.items() if has_length else ():
             if low <= stature * unit <= high:
                 return unit, f"Lengths are assumed to be {name}; the body is then {stature * unit:.2f} m tall."
     unit = DEFAULT_STATURE_METRES / stature

@@ -18,8 +18,8 @@ from capture.formats import image_positions
 from capture.formats.clips import DEFAULT_FPS, build_clip, frame_rate
 from capture.formats.markers import has_markers, joints_of_markers
 from capture.formats.options import ReadOptions
-from capture.formats.placement import place, toes_ahead, without_far_frames
-from capture.formats.proportions import TYPICAL_TRUNK_METRES, refuse_other_bodies
+from capture.formats.placement import place, size_of, toes_ahead, without_far_frames
+from capture.formats.proportions import TYPICAL_TRUNK_METRES, refuse_other_bodies, refuse_pictures
 from capture.formats.skeleton_joints import BONES, MIDPOINTS
 from capture.skeleton import INFERRED, JOINT_INDEX, JOINTS, LOST
 from puppetline.errors import SkeletonLogError
@@ -53,8 +53,12 @@ Rigs call hand or foot where it begins, at wrist or ankle. In a skeleton that ha
 _HEADS = (("ear_left", "ear_right"), ("eye_left", "eye_right"), ("nose",), ("head_top",))
 """Points whose middle replaces a head that has no name, in order of priority."""
 
-_REQUIRED = ("hip_center", *(f"{joint}_{side}" for side in _SIDES for joint in ("shoulder", "elbow")))
-"""Joints without which positions are no person's; all others may be lost."""
+_ELBOWS, _WRISTS, _HANDS, _KNEES = (
+    {f"{joint}_{side}" for side in _SIDES} for joint in ("elbow", "wrist", "hand", "knee")
+)
+_REQUIRED = ("hip_center", *(f"shoulder_{side}" for side in _SIDES))
+"""Joints without which positions are no person's; elbows too, if there are wrists or no knees. All others may be lost.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,9 +128,11 @@ def clip_of_positions(
     factors, image_note = image_positions.unit_of(body.points)
     if image_note:
         body = select(path, names, positions * factors, confidence)
+    refuse_pictures(path, body.points)
     refuse_other_bodies(path, body.points)
-    points, far_notes = without_far_frames(path, body.points, options)
-    where = place(path, points, body.front, options, in_image=bool(image_note))
+    size = size_of(path, body.points, options, in_image=bool(image_note))
+    points, far_notes = without_far_frames(body.points, size.unit)
+    where = place(path, points, body.front, size, options, in_image=bool(image_note))
     if times is None:
         fps, rate_notes = frame_rate(options, DEFAULT_FPS)
         times, notes = np.arange(len(positions)) / fps, (*notes, *rate_notes)
@@ -159,6 +165,9 @@ def select(
     at_origin &= ~_is_origin(positions, at_origin)
     given = np.where(at_origin | ~np.isfinite(positions).all(axis=2), np.float32(LOST), given)
     known = np.where(given[..., None] > LOST, positions, np.nan)
+    heads = {head: int(np.isfinite(known[:, list(head)]).all(axis=(1, 2)).sum()) for head in _heads(landmarks)}
+    if sources.get("head") in heads:
+        sources["head"] = next(head for head, seen in heads.items() if 2 * seen >= max(heads.values()))
     points = np.full((len(positions), len(JOINTS), 3), np.nan)
     sure = np.zeros((len(positions), len(JOINTS)), np.float32)
     for joint, indices in sources.items():
@@ -180,7 +189,8 @@ def missing_joints(names: Sequence[str]) -> list[str]:
 
 def _missing(sources: Mapping[str, object]) -> list[str]:
     found = {*sources, *(joint for joint, pair in MIDPOINTS.items() if sources.keys() >= set(pair))}
-    return [joint for joint in _REQUIRED if joint not in found]
+    needs_elbows = bool(found & (_WRISTS | _HANDS)) or not found >= _KNEES
+    return [joint for joint in (*_REQUIRED, *(sorted(_ELBOWS) if needs_elbows else ())) if joint not in found]
 
 
 def _is_origin(positions: Floats, at_origin: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -208,6 +218,8 @@ def _sources(names: Sequence[str]) -> tuple[dict[str, tuple[int, ...]], dict[str
                 sources[f"{end}_{side}"] = (bones.pop(f"{side}{bone}"),)
     for joint, candidates in BONES.items():
         points = [tuple(landmarks[point]) for point in _LANDMARKS.get(joint, ()) if point in landmarks]
+        if joint.startswith("shoulder_") and candidates[0].replace("Upper", "Lower") not in bones:  # no collar then
+            candidates = (*candidates, candidates[0].replace("UpperArm", "Shoulder"))
         own: list[tuple[int, ...]] = [(bones[bone],) for bone in candidates if bone in bones]
         own = own + points if joint.startswith(("hand", "foot")) else points + own
         if joint == "spine" and not own and "hips" in bones and sources["hip_center"] != (bones["hips"],):
@@ -215,11 +227,15 @@ def _sources(names: Sequence[str]) -> tuple[dict[str, tuple[int, ...]], dict[str
         if own:
             sources.setdefault(joint, own[0])
     if "head" not in sources:
-        heads = (tuple(index for point in points for index in landmarks.get(point, [])) for points in _HEADS)
-        sources["head"] = next(filter(None, heads), ())
+        sources["head"] = next(iter(_heads(landmarks)), ())
     if sources["head"] in ((), sources.get("shoulder_center")):
         del sources["head"]
     return sources, landmarks
+
+
+def _heads(landmarks: Mapping[str, Sequence[int]]) -> list[tuple[int, ...]]:
+    heads = [tuple(index for point in points for index in landmarks.get(point, ())) for points in _HEADS]
+    return [head for head in heads if head]
 
 
 def _fill(points: Floats, sure: NDArray[np.float32], sources: dict[str, tuple[int, ...]]) -> tuple[str, ...]:

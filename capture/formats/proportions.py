@@ -18,6 +18,12 @@ TYPICAL_TRUNK_METRES = TYPICAL_BONE_METRES["spine"] + TYPICAL_BONE_METRES["shoul
 MAX_BONE_RATIO = 2.0
 """How many times longer or shorter than a typical person's a bone can be, beside the other bones."""
 
+MIN_THICKNESS = 0.003
+"""Smallest size of a person in any direction, as a share of the largest one; standing in a T-pose, it is 0.02."""
+
+MIN_POINTS = 7
+"""Number of points that need not lie in a plane even in space; a frame has more."""
+
 BONES = tuple(
     (joint, parent) for joint, parent in PARENTS.items() if joint.split("_")[0] in ("elbow", "wrist", "knee", "ankle")
 )
@@ -35,6 +41,26 @@ def bone_ratios(points: Floats) -> Floats:
         lengths = [np.nanmedian(bone_length(points, *bone)) for bone in (*BONES, ("shoulder_center", "hip_center"))]
         ratios = np.array(lengths) / typical
         return ratios / np.nanmedian(ratios)
+
+
+def refuse_pictures(path: Path, points: Floats) -> None:
+    """Check that points (T, 20, 3) are in space: their third coordinate is no score, and no copy of another.
+
+    Raises
+    ------
+    SkeletonLogError
+        All points of a frame lie in a plane, in nearly all frames.
+    """
+    known = points[np.isfinite(points).all(axis=2).sum(axis=1) > MIN_POINTS]
+    centred = np.nan_to_num(known - np.nanmean(known, axis=1, keepdims=True)) if len(known) else known
+    sizes = np.linalg.svd(centred, compute_uv=False)
+    if len(known) and np.percentile(sizes[:, 2] / np.maximum(sizes[:, 0], 1e-12), 95) < MIN_THICKNESS:
+        raise SkeletonLogError(
+            path,
+            found="positions that lie in a plane: positions in a picture (2D)",
+            expected="x, y and z of a person's joints",
+            fix="Use the tracker's positions in space, or the video itself.",
+        )
 
 
 def refuse_other_bodies(path: Path, points: Floats) -> None:

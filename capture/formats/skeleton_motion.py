@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 from capture.clip import SkeletonClip
 from capture.formats.clips import build_clip
 from capture.formats.options import ReadOptions
-from capture.formats.placement import place, toes_ahead, without_far_frames
+from capture.formats.placement import place, size_of, toes_ahead, without_far_frames
 from capture.formats.proportions import refuse_other_bodies
 from capture.formats.skeleton_joints import select
 from capture.orientations import unknown
@@ -145,13 +145,13 @@ def clips_of(
 def _clip(path: Path, log_format: str, times: Floats, motion: SkeletonMotion, options: ReadOptions) -> SkeletonClip:
     """Return the clip of a human body, in metres and in front of the sensor."""
     body = select(path, motion.names, motion.parents, motion.rest, motion.positions, motion.rotations, options)
-    points, far_notes = without_far_frames(path, body.points, options)
+    size = size_of(path, body.points, options)
+    points, far_notes = without_far_frames(body.points, size.unit)
     if not body.named and not options.as_person:
         refuse_other_bodies(path, points)
     confidence = np.where(np.isnan(points[..., 0]), LOST, TRACKED).astype(np.float32)
-    unit = place(path, points, _front(points), options, by_sensor=False).unit
-    first = resting_frames(times, unit * points, confidence)
-    where = place(path, points[first:], _front(points[first:]), options, by_sensor=False)
+    first = resting_frames(times, size.unit * points, confidence)
+    where = place(path, points[first:], _front(points[first:]), size, options, by_sensor=False)
     positions = where.apply(points)
     orientations = unknown((len(times),))
     handed = np.diag([1.0, 1.0, np.sign(np.linalg.det(where.axes))])

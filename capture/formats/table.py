@@ -23,7 +23,7 @@ from capture.formats._columns import TABLE
 from capture.formats._rows import read_lines, whole_lines
 from capture.formats._table import EXPORT, UNNAMED, Layout, Table
 from capture.formats.clips import DEFAULT_FPS, MAX_JOINTS, frame_rate
-from capture.formats.joint_sets import UnclearOrderError, joint_set
+from capture.formats.joint_sets import UnclearOrderError, clearest, fits, joint_set
 from capture.formats.layouts import JOINT_SETS
 from capture.formats.options import ReadOptions
 from capture.formats.positions import clip_of_positions, is_person
@@ -79,7 +79,7 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
     SkeletonLogError
         A row has too few or too many cells, a coordinate is no number, the joints are no person's or in no known order.
     """
-    table = Table(path, read_lines(path), options)
+    table = Table(path, read_lines(path, errors="replace"), options)
     found = [
         (user if len(table.layouts) == 1 else number, _performer(table, layout, rows))
         for number, layout in enumerate(table.layouts)
@@ -110,15 +110,14 @@ def columns(path: Path, options: ReadOptions) -> dict[str, str]:
     SkeletonLogError
         The file is no table of joint positions.
     """
-    table = Table(path, read_lines(path), options)
+    table = Table(path, read_lines(path, errors="replace"), options)
     meanings: dict[int, str] = {}
     for user, layout in enumerate(table.layouts):
         meanings |= {column: role for role, column in layout.fields.items()}
         whose = "" if len(table.layouts) == 1 else f"performer {user}: "
         for joint, own in layout.joints.items():
             for role, column in own.items():
-                what = "x y z" if column in table.cells.vectors else role
-                meanings[column] = whose + (what if joint.startswith(UNNAMED) else f"{joint} {what}")
+                meanings[column] = whose + (role if joint.startswith(UNNAMED) else f"{joint} {role}")
     return {table.column_name(column): meanings.get(column, "not used") for column in range(table.width)}
 
 
@@ -252,16 +251,30 @@ def _numbered(table: Table, performer: Performer) -> Performer:
     """Return a performer whose joints have numbers with the names of a set of joints."""
     order = sorted(range(len(performer.names)), key=lambda index: int(performer.names[index]))
     numbers = [int(performer.names[index]) for index in order]
-    if numbers != list(range(numbers[0], numbers[0] + len(numbers))):
-        table.refuse(f"a table of joints with the numbers {', '.join(map(str, numbers))[:80]}")
     positions, confidence = performer.positions[:, order], performer.confidence[:, order]
-    if numbers[0] > 1:  # a part of the landmarks
-        parts = [[joints[k] for k in numbers] for joints in JOINT_SETS.values() if len(joints) == numbers[-1] + 1]
-        parts = [joints for joints in parts if is_person(joints)]
-        if len(parts) == 1:
-            return Performer(parts[0], positions, confidence, None)
+    if numbers != list(range(len(numbers))) and numbers != list(range(1, len(numbers) + 1)):
+        return _numbered_part(table, numbers, positions, confidence)
     name = joint_set(table.path, positions, table.options.joints, "a table")
     return Performer(JOINT_SETS[name], positions, confidence, None)
+
+
+def _numbered_part(
+    table: Table, numbers: Sequence[int], positions: Floats, confidence: NDArray[np.float32]
+) -> Performer:
+    """Return a performer whose joints are some of a set, by their numbers in it from 0."""
+    sets = {name: own for name, own in JOINT_SETS.items() if len(own) > numbers[-1]}
+    names = [name for name, own in sets.items() if is_person([own[k] for k in numbers])]
+    names = [name for name in names if table.options.joints in (None, name)]
+    found = []
+    for name in names if len(names) > 1 else []:
+        whole = np.full((len(positions), len(JOINT_SETS[name]), 3), np.nan)
+        whole[:, numbers] = positions
+        found += fits(whole, [name])
+    if found:
+        names = [clearest(table.path, found, "a table of joints with numbers").name]
+    if len(names) != 1:
+        table.refuse(f"a table of joints with the numbers {', '.join(map(str, numbers))[:80]}")
+    return Performer([JOINT_SETS[names[0]][k] for k in numbers], positions, confidence, None)
 
 
 def _times(table: Table, layout: Layout, rows: Rows) -> tuple[Floats | None, tuple[str, ...]]:

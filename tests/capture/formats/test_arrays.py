@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from capture.formats import arrays, smpl
 from capture.formats.layouts import JOINT_SETS
 from capture.formats.proportions import bone_ratios
-from capture.skeleton import JOINT_INDEX
+from capture.skeleton import JOINT_INDEX, JOINTS
 from puppetline.errors import SkeletonLogError
 
 from .test_positions import joints_as, person
@@ -23,7 +23,9 @@ def saved(function=np.save, *content, **named):
     return buffer.getvalue()
 
 
-@pytest.mark.parametrize("name", ["kinect_v1", "utd_mhad", "msr_action3d", "human36m", "kinect_v2", "mediapipe"])
+@pytest.mark.parametrize(
+    "name", ["kinect_v1", "utd_mhad", "msr_action3d", "human36m", "kinect_v2", "mediapipe", "mediapipe_22"]
+)
 @pytest.mark.parametrize("axes", [(0, 1, 2), (1, 2, 0), (2, 0, 1)])
 def test_the_order_of_joints_and_axes_is_found(read, name, axes):
     joints = joints_as(JOINT_SETS[name])
@@ -51,10 +53,25 @@ def test_matlab_files_and_a_rate_in_the_file(read, tmp_path):
 
 def test_the_variables_of_a_matlab_file_without_arrays_are_named(read, tmp_path):
     for do_compression in (False, True):
-        take = {"data": person().reshape(6, -1), "freq": 120.0}
+        take = {"by": "someone", "place": "x"}
         savemat(tmp_path / "take.mat", {"walk1": take, "author": "x"}, do_compression=do_compression)
-        with pytest.raises(SkeletonLogError, match=r"walk1 \(structure of data, freq\); author \(text\)"):
+        with pytest.raises(SkeletonLogError, match=r"walk1 \(structure of by, place\); author \(text\)"):
             read(arrays, (tmp_path / "take.mat").read_bytes())
+
+
+@pytest.mark.parametrize("do_compression", [False, True])
+def test_structures_with_positions_beside_their_names_or_called_like_joints(read, tmp_path, do_compression):
+    """The MoCap Toolbox has the first, and programs for Qualisys the second."""
+    named = np.array(JOINTS, dtype=object)
+    takes = [
+        {"freq": 60.0, "markerName": named[:, None], "data": person().reshape(len(person()), -1)},
+        dict(zip(JOINTS, person().transpose(1, 0, 2), strict=True)) | {"freq": 60.0},
+    ]
+    for take in takes:
+        savemat(tmp_path / "take.mat", {"walk": take, "author": "x"}, do_compression=do_compression)
+        [clip] = read(arrays, (tmp_path / "take.mat").read_bytes())
+        np.testing.assert_array_equal(clip.positions, person())
+        assert clip.times[3] == 0.05
 
 
 def test_smpl_parameters_turn_the_bones(read):
@@ -106,3 +123,8 @@ def test_pickles_are_no_arrays():
 def test_an_archive_of_objects_is_called_one(read):
     with pytest.raises(SkeletonLogError, match="Python objects"):
         read(arrays, saved(np.savez, results=np.array([{"joints": 1}], dtype=object)))
+
+
+def test_one_pose_may_be_a_row_of_numbers(read):
+    [clip] = read(arrays, saved(np.save, joints_as(JOINT_SETS["mediapipe"])[0].ravel()))
+    assert len(clip.times) == 1

@@ -290,12 +290,13 @@ def test_motion_of_another_skeleton_is_called_so(tmp_path):
     assert caught.value.found.startswith(f"{rows.shape[1]} numbers in most frames")
 
 
+@pytest.mark.parametrize(("height", "way"), [(22, 120), (45, 400)])
 @pytest.mark.parametrize(("z_up", "turn"), [(False, 90), (False, -90), (True, 90)])
-def test_a_body_that_crawls_lies_on_the_floor_of_the_file(tmp_path, z_up, turn):
+def test_a_body_that_crawls_lies_on_the_floor_of_the_file(tmp_path, z_up, turn, height, way):
     rows = np.zeros((40, 3 + 3 * JOINT_COUNT))
     rows[:, 5] = turn  # face down or up
-    rows[:, 2 if not z_up else 1] = np.linspace(0, -120, 40)
-    rows[:, 1 if not z_up else 2] = 22
+    rows[:, 2 if not z_up else 1] = np.linspace(0, -way, 40)
+    rows[:, 1 if not z_up else 2] = height
     rows[:, [3 + 3 * 17 + 2, 3 + 3 * 13 + 2]] = 9 * np.sin(np.arange(40))[:, None]  # knees
     (clip,) = clips_of(body_file(tmp_path, rows, z_up=z_up))
     trunk = clip.positions[:, JOINT_INDEX["shoulder_center"]] - clip.positions[:, JOINT_INDEX["hip_center"]]

@@ -60,6 +60,12 @@ def test_numbers_in_a_file_with_the_name_of_a_bvh_are_its_motion(tmp_path):
         read_log(path)
 
 
+def test_other_text_with_the_name_of_a_bvh_is_called_what_it_is(tmp_path):
+    path = tmp_path / "take.bvh"
+    path.write_text("a note about a walk\n")
+    assert refusal(path).found == "text without rows of numbers"
+
+
 @pytest.mark.parametrize(
     ("names", "kind"),
     [(["a/data.pkl"], "PyTorch"), (["[Content_Types].xml"], "Office"), (["walk.bvh"], "ZIP archive of walk.bvh")],

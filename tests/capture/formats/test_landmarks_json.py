@@ -107,3 +107,15 @@ def test_the_keys_tell_what_a_document_is(read, document):
     with pytest.raises(SkeletonLogError) as caught:
         read(landmarks_json, json.dumps(document))
     assert ", ".join(document) in caught.value.found
+
+
+@pytest.mark.parametrize("form", ["names", "lists"])
+def test_poses_may_have_the_names_of_pictures(read, form):
+    poses = {f"./picture{index}.png": FORMS[form](pose) for index, pose in enumerate(POINTS)}
+    [clip] = read(landmarks_json, json.dumps(poses))
+    np.testing.assert_allclose(clip.positions[:, ARMS], person()[:, ARMS], atol=1e-9)
+
+
+def test_a_document_may_be_one_frame(read):
+    [clip] = read(landmarks_json, json.dumps(FORMS["world"](POINTS[0])))
+    np.testing.assert_allclose(clip.positions[0, ARMS], person()[0, ARMS], atol=1e-9)

@@ -61,7 +61,7 @@ def test_joints_lie_between_the_markers_on_both_sides_of_them(tmp_path, separato
     assert (clip.positions[:, JOINT_INDEX["head"], 1] > clip.positions[:, JOINT_INDEX["hip_center"], 1]).all()
 
 
-@pytest.mark.parametrize(("front", "back"), [("ASI", "PSI"), ("FWT", "BWT")])
+@pytest.mark.parametrize(("front", "back"), [("ASI", "PSI"), ("FWT", "BWT"), ("ASIS", "BackAsis")])
 def test_hips_follow_from_the_pelvis(tmp_path, front, back):
     at = {name: place for name, place in body().items() if not name.endswith("HJC")}
     for sign, letter in ((-1, "L"), (1, "R")):
@@ -71,6 +71,14 @@ def test_hips_follow_from_the_pelvis(tmp_path, front, back):
     assert np.linalg.norm(np.subtract(*hips)) == pytest.approx(2 * 0.36 * 0.24, abs=1e-6)
     knee = clip.positions[0, JOINT_INDEX["knee_left"]]
     assert hips[0][1] - knee[1] == pytest.approx(-0.3 * 0.24 + 0.54, abs=1e-6)
+
+
+def test_legs_without_knees_and_ankles_are_lost(tmp_path):
+    at = {name: place for name, place in body().items() if "KNE" not in name and "ANK" not in name}
+    at = {name: place for name, place in at.items() if "Knee" not in name and "Ankle" not in name}
+    (clip,) = read_log(trc(tmp_path / "a.trc", at), ReadOptions())
+    lost = {name for name, index in JOINT_INDEX.items() if np.isnan(clip.positions[:, index]).any()}
+    assert lost == {f"{joint}_{side}" for joint in ("knee", "ankle") for side in ("left", "right")}
 
 
 def test_markers_of_a_leg_are_no_performer(tmp_path):
@@ -123,3 +131,48 @@ def test_markers_may_be_columns_of_any_table(tmp_path, namespace, header_rows):
 def test_a_rate_replaces_the_times_of_trc(tmp_path):
     (clip,) = read_log(trc(tmp_path / "a.trc", body()), ReadOptions(fps=50))
     np.testing.assert_allclose(np.diff(clip.times), 0.02)
+
+
+@pytest.mark.parametrize(
+    "spellings",
+    [
+        {"KNE": "{}KneeOut", "WRA": "{}WristIn", "WRB": "{}WristOut", "FHD": "Head{}", "TOE": "{}Forefoot5"},
+        {"KNE": "Knee_{}", "WRA": "Radius_{}", "WRB": "Ulna_{}", "FHD": "Head_F{}", "BHD": "Head_B{}"},
+        {"WRA": "{}W1", "WRB": "{}W2", "TOE": "{}.TO", "FHD": "{}HEA"},
+    ],
+)
+def test_programs_spell_the_same_markers_in_other_ways(tmp_path, spellings):
+    """Qualisys, the MoCap Toolbox, and Motion Analysis."""
+    other = {}
+    for name, place in body().items():
+        own = spellings.get(name[1:], "{}" + name[1:])
+        other["Q_" + (own.format(name[0]) if name[0] in "LR" else name)] = place
+    clips = [read_log(trc(tmp_path / f"{k}.trc", at), ReadOptions())[0] for k, at in enumerate((body(), other))]
+    np.testing.assert_allclose(clips[1].positions, clips[0].positions, atol=1e-9)
+
+
+def test_markers_may_be_those_of_isb_without_arms(tmp_path):
+    names = {
+        "KNE": "FLE",
+        "Knee.Med": "FME",
+        "ANK": "FAL",
+        "Ankle.Med": "TAM",
+        "SHO": "SAE",
+        "TOE": "FM2",
+        "HJC": "HJC",
+    }
+    at = {
+        f"{name[0]}_{names[own]}": place
+        for name, place in body().items()
+        if (own := name[1:].removeprefix(".")) in names
+    }
+    (clip,) = read_log(trc(tmp_path / "a.trc", at), ReadOptions())
+    known = [JOINT_INDEX[f"{joint}_{side}"] for joint in ("shoulder", "knee", "foot") for side in ("left", "right")]
+    assert np.isfinite(clip.positions[:, known]).all()
+    assert (clip.confidence[:, JOINT_INDEX["elbow_left"]] == 0).all()
+
+
+def test_sides_of_markers_may_have_two_letters(tmp_path):
+    at = {f"{name[0]}t{name[1:]}": place for name, place in body().items() if name[0] in "LR"}
+    (clip,) = read_log(trc(tmp_path / "a.trc", at), ReadOptions())
+    assert np.isfinite(clip.positions[:, JOINT_INDEX["elbow_left"]]).all()

@@ -107,3 +107,8 @@ def test_damaged_bytes_are_arrays_of_the_announced_shape_or_refused_in_a_clause(
             assert_is_clause(error)
             refused += 1
     assert min(read, refused) > 100
+
+
+def test_an_empty_field_is_nothing():
+    """MATLAB writes the elements of fields that have no value without content."""
+    assert _mat5._variable(memoryview(b""), order="<")[1].kind == "nothing"

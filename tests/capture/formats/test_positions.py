@@ -205,6 +205,14 @@ def test_a_missing_head_continues_the_neck_and_zeros_are_lost_but_for_hips_in_th
     assert np.argwhere(clip.confidence == 0).tolist() == [[2, JOINT_INDEX["hand_left"]]]
 
 
+def test_a_person_without_arms_has_no_arms():
+    names = [joint for joint in JOINTS if not joint.startswith(("elbow", "wrist", "hand"))]
+    own = [JOINT_INDEX[joint] for joint in names]
+    clip = clip_of_positions(PATH, "table", names, person()[:, own], OPTIONS)
+    np.testing.assert_allclose(clip.positions[:, own], person()[:, own], atol=1e-12)
+    assert np.isnan(np.delete(clip.positions, own, axis=1)).all()
+
+
 def test_the_first_frame_with_hips_is_the_one_that_is_placed():
     poses = 100 * person()
     poses[0, JOINT_INDEX["hip_center"]] = np.nan
@@ -236,12 +244,15 @@ def test_few_frames_that_are_far_from_the_others_are_lost(far):
 
 
 @pytest.mark.parametrize("depth", [1.0, 0.5])
-@pytest.mark.parametrize(("width", "height", "in_pixels"), [(9, 16, False), (16, 9, False), (1280, 720, True)])
-def test_positions_in_a_picture_get_one_unit(width, height, in_pixels, depth):
+@pytest.mark.parametrize(
+    ("width", "height", "reach", "in_pixels"),
+    [(9, 16, 2.5, False), (9, 16, 0.95, False), (16, 9, 2.5, False), (1280, 720, 2.5, True)],
+)
+def test_positions_in_a_picture_get_one_unit(width, height, reach, in_pixels, depth):
     turn = scipy.spatial.transform.Rotation.from_rotvec([0.5, 0.8, 0]).as_matrix()  # nothing in the picture's plane
     points = joints_as(BLAZEPOSE) @ turn.T
     hips = points[:, [BLAZEPOSE.index("left_hip"), BLAZEPOSE.index("right_hip")]].mean(axis=(0, 1))
-    x, y, z = np.moveaxis((points - hips) / 2.5 * min(width, height), 2, 0)
+    x, y, z = np.moveaxis((points - hips) / reach * min(width, height), 2, 0)
     picture = np.stack([width / 2 - x, height / 2 - y, z / width / depth], axis=2)
     if not in_pixels:
         picture /= [width, height, 1]
@@ -252,3 +263,29 @@ def test_positions_in_a_picture_get_one_unit(width, height, in_pixels, depth):
         ways /= np.linalg.norm(ways, axis=2, keepdims=True)
         angles.append(ways @ ways.swapaxes(1, 2))
     np.testing.assert_allclose(*angles, atol=1e-6)
+    assert "scaled to 1.7 m" in " ".join(clip.notes)
+
+
+def test_depths_in_pixels_are_those_of_a_picture():
+    points = joints_as(BLAZEPOSE) * -250.0
+    hips = points[:, [BLAZEPOSE.index("left_hip"), BLAZEPOSE.index("right_hip")]].mean(axis=1, keepdims=True)
+    clip = clip_of_positions(PATH, "table", BLAZEPOSE, points - hips + [640, 360, 0], OPTIONS)
+    assert "pixels of an image, which is assumed to have 1280 × 720" in " ".join(clip.notes)
+
+
+@pytest.mark.parametrize("depth", [0.9, np.nan])
+def test_a_score_or_a_copy_is_no_depth(depth):
+    points = joints_as(BLAZEPOSE) * 200.0
+    score = depth + np.random.default_rng(0).uniform(-0.05, 0.05, points.shape[:2])
+    points[..., 2] = points[..., 0] if np.isnan(depth) else score
+    with pytest.raises(SkeletonLogError, match="positions in a picture"):
+        clip_of_positions(PATH, "table", BLAZEPOSE, points, OPTIONS)
+
+
+def test_a_head_without_ears_is_where_the_nose_is():
+    names = [*(joint for joint in JOINTS if joint != "head"), "left_ear", "right_ear", "nose"]
+    points = person()
+    head = points[:, [JOINT_INDEX["head"]]]
+    points = np.concatenate([np.delete(points, JOINT_INDEX["head"], axis=1), head, head * np.nan, head], axis=1)
+    clip = clip_of_positions(PATH, "table", names, points, OPTIONS)
+    assert (clip.confidence[:, JOINT_INDEX["head"]] > 0).all()

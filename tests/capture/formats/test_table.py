@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from capture.formats import table
 from capture.formats._cells import vector
+from capture.formats.layouts import JOINT_SETS
 from capture.formats.options import ReadOptions
 from capture.skeleton import JOINT_INDEX, JOINTS
 
@@ -270,3 +271,93 @@ def test_one_pose_may_be_the_whole_file(read):
     assert table.matches(content.encode())
     [clip] = read(table, content)
     assert len(clip.times) == 1
+
+
+@pytest.mark.parametrize("form", ["{k},{x},{y},{z},0.9", "{k} {x} {y} {z}", "[{k};{x};{y};{z}]"])
+def test_the_number_of_a_joint_may_stand_before_its_position_in_a_row(read, form):
+    """Some of the landmarks suffice, and a header that is shorter than the rows says nothing."""
+    names = JOINT_SETS["mediapipe"]
+    numbers = [0, *range(11, 17), *range(23, 33)]
+    own = joints_as(names)
+    lines = ["Time,Landmark,X,Y,Z"] if "0.9" in form else []
+    for index, pose in enumerate(own):
+        x_y_z = [dict(zip("xyz", map("{:.6f}".format, pose[k]), strict=True)) for k in numbers]
+        cells = [form.format(k=k, **each) for k, each in zip(numbers, x_y_z, strict=True)]
+        lines.append(",".join(([str(40 * index)] if "0.9" in form else []) + cells))
+    [clip] = read(table, lines)
+    arms = [JOINT_INDEX[f"{joint}_{side}"] for joint in LIMBS for side in ("left", "right")]
+    np.testing.assert_allclose(clip.positions[:, arms], person()[:, arms], atol=1e-5)
+
+
+@pytest.mark.parametrize(("form", "first"), [("[{x}, {y}, {z}]", ",".join(map(str, range(33)))), ("{x}/{y}/{z}", None)])
+def test_a_cell_may_be_a_joint_whose_name_is_its_number_or_have_slashes(read, form, first):
+    cells = [[form.format(**dict(zip("xyz", point, strict=True))) for point in pose] for pose in joints_as(BLAZEPOSE)]
+    lines = [",".join(f'"{cell}"' for cell in row) for row in cells]
+    [clip] = read(table, [first or ",".join(BLAZEPOSE), *lines])
+    arms = [JOINT_INDEX[f"{joint}_{side}"] for joint in LIMBS for side in ("left", "right")]
+    np.testing.assert_allclose(clip.positions[:, arms], person()[:, arms], atol=1e-9)
+
+
+def test_positions_in_space_count_among_several_of_a_joint(read):
+    kinds = ("{}_{}", "{}_world_{}", "{}_velocity_{}")
+    lines = [",".join(kind.format(name, axis) for name in BLAZEPOSE for kind in kinds for axis in "xyz")]
+    lines += [",".join(f"0.5,0.4,0.01,{x},{y},{z},1,2,3" for x, y, z in pose) for pose in joints_as(BLAZEPOSE)]
+    [clip] = read(table, lines)
+    arms = [JOINT_INDEX[f"{joint}_{side}"] for joint in LIMBS for side in ("left", "right")]
+    np.testing.assert_allclose(clip.positions[:, arms], person()[:, arms], atol=1e-9)
+
+
+def test_the_depth_of_several_columns_is_that_of_a_person(read):
+    """RealSense's depth in millimetres stands between MediaPipe's y and z."""
+    lines = [
+        f"{40 * frame + 0.5}, {joint}, {x:.6f}, {y:.6f}, {1400 + 7 * (joint % 5)}, {z:.6f}"
+        for frame, pose in enumerate(joints_as(BLAZEPOSE))
+        for joint, (x, y, z) in enumerate(pose)
+    ]
+    [clip] = read(table, lines)
+    known = [JOINT_INDEX[joint] for joint in ("elbow_left", "wrist_right", "knee_left", "ankle_right")]
+    np.testing.assert_allclose(clip.positions[:, known], person()[:, known], atol=1e-5)
+    np.testing.assert_allclose(np.diff(clip.times), 0.04)
+
+
+def test_hands_beside_the_pose_are_numbered_apart_and_may_be_missing_at_the_end(read):
+    names = [f"pose_landmark_{k}_{axis}" for k in range(33) for axis in "xyz"]
+    hand = [f"hand_0_landmark_{k}_{axis}" for k in range(21) for axis in "xyz"]
+    rows = [[f"{each:.6f}" for each in pose.ravel()] for pose in joints_as(BLAZEPOSE)]
+    rows[1] += ["0.5"] * len(hand)
+    [clip] = read(table, [",".join(row) for row in (names + hand, *rows)])
+    arms = [JOINT_INDEX[f"{joint}_{side}"] for joint in LIMBS for side in ("left", "right")]
+    np.testing.assert_allclose(clip.positions[:, arms], person()[:, arms], atol=1e-5)
+
+
+def test_a_fourth_number_of_a_cell_is_its_visibility(read):
+    rows = [";".join(f"[{each}, 0.9]" for each in row(pose, "{0}, {1}, {2}")) for pose in POSES]
+    rows[2] = rows[2].replace("0.9", "0.2", 1)
+    [clip] = read(table, [";".join(JOINTS), *rows])
+    close(clip)
+    assert np.argwhere(clip.confidence < 1).tolist() == [[2, 0]]
+
+
+def test_names_of_pictures_may_be_before_the_numbers(read):
+    lines = [
+        f"squat_{k}.jpg," + ",".join(f"{each:.5f}" for each in pose.ravel())
+        for k, pose in enumerate(joints_as(BLAZEPOSE))
+    ]
+    assert table.matches("\n".join(lines).encode())
+    [clip] = read(table, lines)
+    assert len(clip.times) == len(lines)
+    assert np.isfinite(clip.positions[:, JOINT_INDEX["elbow_left"]]).all()
+
+
+def test_rows_may_have_parts(read):
+    lines = [f"{name},{x:.6f},{y:.6f},{z:.6f}" for pose in POSES for name, (x, y, z) in zip(JOINTS, pose, strict=True)]
+    [clip] = read(table, ["parts,x_coords,y_coords,z_coords", *lines])
+    close(clip)
+
+
+def test_landmarks_of_a_face_may_follow_the_pose(read):
+    points = np.concatenate([joints_as(BLAZEPOSE), np.zeros((len(person()), 468, 3))], axis=1)
+    header = ",".join(f"{axis}{k + 1}" for k in range(501) for axis in "xyz")
+    lines = [",".join(f"{each:.6f}" for each in pose.ravel()) for pose in points]
+    [clip] = read(table, [header, *lines])
+    assert np.isfinite(clip.positions[:, JOINT_INDEX["elbow_left"]]).all()

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from capture.bone_names import joint_meanings
 from engine_bridge.character.character import Character
 from engine_bridge.puppet.joint_graph import LABEL_OF, JointGraph, joint_graph
+from engine_bridge.puppet.limb_shapes import ARM, END_SHARE, LEG, LimbShape
 from engine_bridge.puppet.part_joints import part_joints, without_ornaments
 from engine_bridge.puppet.skin_joints import Joint, are_nested, joints_of
 from solver.anatomy.body_decision import Body, decide, load_weights
@@ -45,42 +46,12 @@ MANY_PAIRS = 3
 MIN_SPINE_JOINTS = 4
 """Minimum number of joints in a row without branches that is the spine of a body without legs, such as a fish."""
 
-END_SHARE = 0.2
-"""Length of a hand or foot without a joint, as a share of the last bone and it."""
-
 MAX_TIP_DISTANCE = 0.4
 """Maximum distance of a limb's end from the nearest vertex that follows it, as a share of the distance from its last
 joint."""
 
 MAX_TRIED = 16
 """About how many joints of a limb are tried as its three: their number grows with the third power."""
-
-NAME_SCORE = 4.0
-"""Score of a joint whose name says which joint of a limb it is."""
-
-SHARE_DEVIATION, BESIDE_DEVIATION = 0.1, 0.04
-"""Standard deviations of the lengths of a limb's bones, and of the distances from its bones of joints that are omitted,
-as shares of the limb's length."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Shape:
-    """Usual shape of a limb of three joints.
-
-    Attributes
-    ----------
-    shares : (4,) float64
-        Lengths of what is before the first joint, of the two bones, and of the end, as shares of the whole.
-    parts : tuple of tuple of str
-        Parts in the names of the three joints.
-    """
-
-    shares: NDArray[np.float64]
-    parts: tuple[tuple[str, ...], ...]
-
-
-ARM = _Shape(np.array([0.1, 0.38, 0.32, 0.2]), (("upperArm",), ("lowerArm",), ("hand", "palm")))
-LEG = _Shape(np.array([0.02, 0.44, 0.4, 0.14]), (("upperLeg", "leg"), ("lowerLeg", "leg"), ("foot",)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -305,7 +276,7 @@ class _LimbReader:
                 kept.append(node)
         return kept
 
-    def of_three(self, way: Sequence[int], shape: _Shape) -> _Chain:
+    def of_three(self, way: Sequence[int], shape: LimbShape) -> _Chain:
         """Return a limb with the three joints of a way that fit best by their names and the lengths between them."""
         if len(way) == 1:
             root, tip = (
@@ -322,7 +293,7 @@ class _LimbReader:
         held = same if self.part(nodes[2]) else [nodes[2]]  # a palm may have several joints side by side
         return self.with_end(nodes, [below for node in held for below in self.graph.subtrees[node]])
 
-    def _choices(self, way: Sequence[int], shape: _Shape) -> Iterator[tuple[int, ...]]:
+    def _choices(self, way: Sequence[int], shape: LimbShape) -> Iterator[tuple[int, ...]]:
         """Yield pairs and threes of joints; of many, some and those with a name of the limb."""
         step = len(way) // MAX_TRIED + 1
         named = {node for node in way if any(self.part(node) in parts for parts in shape.parts)}
@@ -330,22 +301,9 @@ class _LimbReader:
         yield from combinations(tried, 3)
         yield from ((one, way[-1]) for one in tried[:-1])
 
-    def _fit(self, way: Sequence[int], nodes: tuple[int, ...], shape: _Shape) -> float:
-        """Return how well joints fit a limb: a log likelihood."""
-        tip = self.graph.tips[way[-1]]
-        points = [self.place(node) for node in way] + [tip]
-        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-        at = [along[list(way).index(node)] for node in nodes]
-        if len(nodes) < 3:
-            at.append(at[-1] + (1 - END_SHARE) * (along[-1] - at[-1]))
-        shares = np.diff([0.0, *at, along[-1]]) / max(float(along[-1]), 1e-12)
-        named = sum(self.part(node) in parts for node, parts in zip(nodes, shape.parts, strict=False))
-        misfits = [*((shares - shape.shares) / SHARE_DEVIATION)]
-        for one, other in pairwise(nodes):
-            between = way[list(way).index(one) + 1 : list(way).index(other)]
-            away = [distance_from_segment(self.place(node), self.place(one), self.place(other)) for node in between]
-            misfits += [each / max(float(along[-1]), 1e-12) / BESIDE_DEVIATION for each in away]
-        return float(NAME_SCORE * named - np.square(misfits).sum() / 2)
+    def _fit(self, way: Sequence[int], nodes: tuple[int, ...], shape: LimbShape) -> float:
+        points = np.array([*(self.place(node) for node in way), self.graph.tips[way[-1]]])
+        return shape.fit(points, [list(way).index(node) for node in nodes], [self.part(node) for node in nodes])
 
     def with_end(self, nodes: Sequence[int], held: Sequence[int]) -> _Chain:
         """Return a limb from its joints to the end of the vertices of some joints."""

@@ -38,6 +38,12 @@ both are: clothes and ornaments hang on a body, but carry none of it."""
 FORBIDDEN = 2.0
 """The same for two parts that names do not allow to hang on each other."""
 
+WHOLE_SHARE = 0.97
+"""Smallest extent of a part that is the whole body, as a share of the extent of all parts, along each axis."""
+
+LARGE = 0.3
+"""How much less it costs to hang a part on the largest one, in the same unit."""
+
 MIN_NAMED = 4
 """Number of parts whose names say what they are from which the others are ornaments."""
 
@@ -119,9 +125,11 @@ def part_joints(character: Character) -> list[Joint]:
         for node in nodes
     ]
     size = max(float(np.ptp(np.concatenate(surfaces), axis=(0, 1)).max()), 1e-12)
-    shapes = [_Shape.of(corners) for corners in surfaces]
-    spanning = minimum_spanning_tree(csr_array(_costs(shapes, meanings, parts_above(character, nodes), size)))
-    _, parents = breadth_first_order(spanning, _first(spanning, meanings, surfaces), directed=False)
+    shapes, areas = [_Shape.of(corners) for corners in surfaces], np.array([_area(corners) for corners in surfaces])
+    costs = _costs(shapes, meanings, parts_above(character, nodes), size)
+    costs[costs > 0] -= LARGE * np.maximum.outer(areas, areas)[costs > 0] / areas.sum()
+    spanning = minimum_spanning_tree(csr_array(costs))
+    _, parents = breadth_first_order(spanning, _first(spanning, meanings, areas), directed=False)
     labels, origins = node_labels(character.document), world_transforms(character.document)[:, :3, 3]
     joints = []
     for row, (node, parent) in enumerate(zip(nodes, parents.tolist(), strict=True)):
@@ -149,9 +157,23 @@ def _costs(
 
 
 def without_ornaments(parts: Sequence[Joint]) -> list[Joint]:
-    """Return the parts whose names say what they are, and those that carry them; all if few names do."""
+    """Return the parts whose names say what they are, and those that carry them; all if few names do.
+
+    If no name says that a part is the head, one that hangs on the first part may be. None are left if one part is the
+    whole body, among others such as marks of its joints.
+    """
+    held = [part.vertices for part in parts if len(part.vertices)]
+    size = np.ptp(np.concatenate(held), axis=0) if held else np.zeros(3)
+    if any((np.ptp(vertices, axis=0) >= WHOLE_SHARE * size).all() for vertices in held):
+        return []
     meanings = joint_meanings([part.name for part in parts], [True] * len(parts))
-    kept = {row for row, meaning in enumerate(meanings) if meaning}
+    has_head = any(meaning and LABEL_OF.get(meaning.part) == "head" for meaning in meanings)
+    first = next((row for row, part in enumerate(parts) if part.parent < 0), -1)
+    kept = {
+        row
+        for row, (part, meaning) in enumerate(zip(parts, meanings, strict=True))
+        if meaning or (not has_head and part.parent == first)
+    }
     if len(kept) < MIN_NAMED:
         return list(parts)
     for row in [*kept]:
@@ -190,18 +212,18 @@ def _may_hang(one: JointMeaning | None, other: JointMeaning | None, near: bool) 
     return len(labels) == 1 and near and (one.side == other.side or None in (one.side, other.side))
 
 
-def _first(
-    spanning: csr_array, meanings: Sequence[JointMeaning | None], surfaces: Sequence[NDArray[np.float64]]
-) -> int:
+def _area(corners: NDArray[np.float64]) -> float:
+    """Return the area of triangles with these corners (t, 3, 3)."""
+    return float(np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum())
+
+
+def _first(spanning: csr_array, meanings: Sequence[JointMeaning | None], areas: NDArray[np.float64]) -> int:
     """Return the row of the trunk."""
-    areas = np.array(
-        [np.linalg.norm(np.cross(each[:, 1] - each[:, 0], each[:, 2] - each[:, 0]), axis=1).sum() for each in surfaces]
-    )
     named = [row for row, meaning in enumerate(meanings) if meaning and LABEL_OF.get(meaning.part) == "trunk"]
     if named:
         return max(named, key=lambda row: areas[row])
     largest = []
-    for row in range(len(surfaces)):
+    for row in range(len(areas)):
         order, above = breadth_first_order(spanning, row, directed=False)
         held = areas.copy()
         for each in order[:0:-1]:

@@ -50,6 +50,9 @@ MAX_TIP_DISTANCE = 0.4
 """Maximum distance of a limb's end from the nearest vertex that follows it, as a share of the distance from its last
 joint."""
 
+RIGID_END_SHARE = 0.1
+"""Length of the end of a rigid part, as a share of the part's."""
+
 MAX_TRIED = 16
 """About how many joints of a limb are tried as its three: their number grows with the third power."""
 
@@ -327,6 +330,9 @@ class _LimbReader:
             return root + 0.3 * (root - before)
         direction = _unit((vertices.min(axis=0) + vertices.max(axis=0)) / 2 - root)  # regardless of where details are
         reach = max(float(np.quantile((vertices - root) @ direction, 0.95)), 0.0)
+        if self.rigid:  # the line to the middle leads askew from a root at a corner
+            far = vertices[(vertices - root) @ direction > (1 - RIGID_END_SHARE) * reach]
+            return np.asarray((far.min(axis=0) + far.max(axis=0)) / 2)
         tip = root + reach * direction
         away = np.linalg.norm(vertices - tip, axis=1)
         outside = away.min() > MAX_TIP_DISTANCE * reach > 0  # as between two long ears

@@ -53,7 +53,20 @@ SINGLE_MEASURES = (
     "face",
     "carries",
 )
-ORIENTATION_MEASURES = ("limbs", "up", "front", "sides", "toes", "knees", "elbows", "face", "head", "tail", "likeness")
+ORIENTATION_MEASURES = (
+    "limbs",
+    "up",
+    "front",
+    "sides",
+    "toes",
+    "knees",
+    "elbows",
+    "face",
+    "head",
+    "tail",
+    "likeness",
+    "muzzle",
+)
 
 GROUND_SHARE = 0.06
 """Height, as a share of the body's, at which the measure `ground` of an end has fallen to 1/e."""
@@ -106,7 +119,7 @@ class Body:
         Limbs on both sides and their labels; `Pair.one` is the left one.
     singles : dict of str to list of int
         Nodes of the head and the tail from the trunk to the end.
-    measures : (11,) float64
+    measures : (12,) float64
         `ORIENTATION_MEASURES`.
     score : float
     """
@@ -340,7 +353,7 @@ class View:
     def orientation_measures(
         self, total: float, singles: Mapping[str, list[int]], labels: Sequence[str | None]
     ) -> NDArray[np.float64]:
-        """Return `ORIENTATION_MEASURES` (11,) of a labelled body."""
+        """Return `ORIENTATION_MEASURES` (12,) of a labelled body."""
         graph, box, middle = self.graph, self.high - self.low, (self.low + self.high) / 2
         chosen = [(label, shape) for label, shape in zip(labels, self.shapes, strict=True) if label]
         legs = [shape for label, shape in chosen if label == "leg"]
@@ -370,6 +383,7 @@ class View:
                 ends.get("head", 0.0),
                 -ends.get("tail", 0.0),
                 float(sum(1 - shape.pair.unlikeness for _, shape in chosen)),
+                ends.get("head", 0.0) if len(legs) > 1 else 0.0,
             ]
         )
 

@@ -116,6 +116,24 @@ def test_ornaments_are_no_limbs_if_names_say_what_the_others_are(build):
     assert set(rows(GIRL)) - set(named) == {"hair", "skirt"}
 
 
+def test_a_part_without_a_name_may_be_the_head_if_no_other_is(build):
+    found = rig_limbs(build(GIRL.replace("head ", "top ").replace("eye_", "bead_")))
+    assert found.limbs.points["head"][-1][1] > 1.7
+
+
+def test_a_body_that_is_one_part_among_marks_of_its_joints_is_none_of_parts(build):
+    marks = "\n".join(f"{name} 0 {0.2 * k} 0 0.02 0.02 0.02 body" for k, name in enumerate(["hips", "leg_l", "leg_r"]))
+    assert rig_limbs(build(f"body 0 0.5 0 1 2 1 -\n{marks}")) is None
+
+
+def test_animals_on_four_legs_look_where_their_head_is(build):
+    turned = "\n".join(
+        " ".join([name, *map(str, np.array(row[:6]) * [1, 1, -1, 1, 1, 1]), parent])
+        for name, (row, parent) in rows(COW).items()
+    )
+    assert (rig_limbs(build(turned)).bodies[0][1].front @ [0, 0, -1]) == 1
+
+
 def test_names_that_say_nothing_leave_all_parts(build):
     assert len(without_ornaments(part_joints(build("a 0 0 0 1 1 1 -\nb 1 0 0 1 1 1 a")))) == 2
 

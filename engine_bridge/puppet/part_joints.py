@@ -5,6 +5,7 @@ hierarchy nor origins say how the body moves, but what touches does.
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
-from scipy.spatial import Delaunay, cKDTree
+from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from capture.bone_names import JointMeaning, joint_meanings
 from engine_bridge.character.character import Character
@@ -21,6 +22,9 @@ from engine_bridge.puppet.joint_graph import LABEL_OF
 from engine_bridge.puppet.limb_nodes import node_labels
 from engine_bridge.puppet.skin_joints import Joint, part_nodes, parts_above
 from solver.anatomy.orientation import spread
+
+MAX_PARTS = 400
+"""Maximum number of parts of a body: the time to compare them grows with its square."""
 
 SAMPLES = 200
 """Number of points on the surface of each part with which distances are measured."""
@@ -70,18 +74,20 @@ class _Shape:
 
     points: NDArray[np.float64]
     tree: cKDTree
-    hull: Delaunay
+    hull: Delaunay | None
 
     @classmethod
     def of(cls, corners: NDArray[np.float64]) -> "_Shape":
         """Take the surface of triangles with these corners (t, 3, 3)."""
-        points = spread(corners, SAMPLES)[0]
-        return cls(points, cKDTree(points), Delaunay(points, qhull_options="QJ"))
+        points, hull = spread(corners, SAMPLES)[0], None
+        with suppress(QhullError):  # all in one place
+            hull = Delaunay(points, qhull_options="QJ")
+        return cls(points, cKDTree(points), hull)
 
     def distances(self, others: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the distances (n,) of other points (n, 3); 0 inside."""
         away = np.asarray(self.tree.query(others)[0])
-        return np.where(self.hull.find_simplex(others) >= 0, 0.0, away)
+        return away if self.hull is None else np.where(self.hull.find_simplex(others) >= 0, 0.0, away)
 
     def root(self, origin: NDArray[np.float64], parent: "_Shape", size: float) -> NDArray[np.float64]:
         """Return where the part turns: at its origin if that is toward its parent, else where it touches it.
@@ -113,10 +119,11 @@ def part_joints(character: Character) -> list[Joint]:
 
     A part hangs on the one that it touches most, or that is nearest; on the one above it in the file, if it touches
     that. A limb does not hang on another one. The first part is the largest whose name says that it is the trunk, or
-    else the one without which the largest of the remaining pieces is smallest. A single part has no joint.
+    else the one without which the largest of the remaining pieces is smallest. A single part has no joint, nor
+    have more than `MAX_PARTS`.
     """
     nodes = part_nodes(character)
-    if len(nodes) < 2:
+    if not 2 <= len(nodes) <= MAX_PARTS:
         return []
     names = _names(character, nodes)
     meanings = joint_meanings(names, [True] * len(names))
@@ -143,14 +150,19 @@ def _costs(
     shapes: Sequence[_Shape], meanings: Sequence[JointMeaning | None], above: Sequence[int], size: float
 ) -> NDArray[np.float64]:
     """Return what it costs (p, p) to hang one of two parts on the other, below the diagonal."""
+    lows, highs = (np.array([getattr(each.points, end)(axis=0) for each in shapes]) for end in ("min", "max"))
+    apart = np.linalg.norm(
+        np.maximum(lows[:, None] - highs[None], 0) + np.maximum(lows[None] - highs[:, None], 0), axis=2
+    )
     costs = np.zeros((len(shapes), len(shapes)))
     for one, other in combinations(range(len(shapes)), 2):
-        meant = meanings[one], meanings[other]
-        away = shapes[other].distances(shapes[one].points), shapes[one].distances(shapes[other].points)
-        shares = [float(np.mean(each < TOUCHING_SHARE * size)) for each in away]
-        touching = max(share for share, own in zip(shares, meant, strict=True) if own is None or None not in meant)
+        meant, gap, touching = (meanings[one], meanings[other]), float(apart[one, other]) / size, 0.0
+        if gap < NEAR_SHARE:
+            away = shapes[other].distances(shapes[one].points), shapes[one].distances(shapes[other].points)
+            gap = float(min(map(np.min, away))) / size
+            shares = [float(np.mean(each < TOUCHING_SHARE * size)) for each in away]
+            touching = max(share for share, own in zip(shares, meant, strict=True) if own is None or None not in meant)
         in_file = touching > 0 and (above[one] == other or above[other] == one)
-        gap = float(min(map(np.min, away))) / size
         refused = NAMELESS * (None in meant) + FORBIDDEN * (not _may_hang(*meant, gap < NEAR_SHARE))
         costs[other, one] = 3 + gap - touching - in_file + refused  # above 0, which would be no connection
     return costs

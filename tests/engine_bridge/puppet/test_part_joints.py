@@ -171,5 +171,13 @@ def test_a_part_has_the_name_of_a_node_that_holds_nothing_else(glb, tmp_path):
     assert names == {"body", "arm_left", "arm_right"}
 
 
-def test_a_single_part_has_no_joint(blob_file):
+def test_a_single_part_has_no_joint_nor_have_too_many(blob_file, build, monkeypatch):
     assert part_joints(load_character(blob_file)) == []
+    monkeypatch.setattr("engine_bridge.puppet.part_joints.MAX_PARTS", len(rows(GIRL)) - 1)
+    assert part_joints(build(GIRL)) == []
+
+
+@pytest.mark.parametrize("size", ["0 0 0", "1 0 0", "1 1 0", "1e-7 1e-7 1e-7"])
+def test_parts_without_a_volume_have_joints_as_well(build, size):
+    places = [joint.place for joint in part_joints(build(f"body 0 0 0 1 1 1 -\nleg 0.5 0 0 {size} body"))]
+    assert_allclose(places, [[0, 0, 0], [0.5, 0, 0]], atol=0.51)

@@ -64,6 +64,9 @@ SLENDER = 1.8
 AT_END = 0.4
 """Distance of where a slender part touches from its middle, in half lengths, from which it touches at an end."""
 
+STEEP_COSINE = 0.5
+"""Minimum cosine between up and the length of a part that hangs."""
+
 END_SHARE = 0.9
 """Distance of the joint of a slender part from its middle, as a share of that of its end."""
 
@@ -92,8 +95,8 @@ class _Shape:
     def root(self, origin: NDArray[np.float64], parent: "_Shape", size: float) -> NDArray[np.float64]:
         """Return where the part turns: at its origin if that is toward its parent, else where it touches it.
 
-        A slender part turns at the end that is nearer; if it touches its parent along its side, as a hanging arm does,
-        at the upper end by glTF's axes.
+        A slender part turns at the end that is nearer; a steep one that touches its parent along its side, as a hanging
+        arm does, at the upper end by glTF's axes.
         """
         low, high = self.points.min(axis=0), self.points.max(axis=0)
         middle, half, margin = (low + high) / 2, float(np.linalg.norm(high - low)) / 2, TOUCHING_SHARE * size
@@ -110,7 +113,9 @@ class _Shape:
             return np.asarray(contact)
         length = float(np.abs((self.points - middle) @ axes[0]).max())
         at = float((contact - middle) @ axes[0]) / max(length, 1e-12)
-        toward = np.sign(at if abs(at) > AT_END else axes[0, 1]) or 1.0
+        if abs(at) < AT_END and abs(axes[0, 1]) < STEEP_COSINE:
+            return np.asarray(contact)  # as a shoe below a leg
+        toward = np.sign(at if abs(at) > AT_END else axes[0, 1])
         return np.asarray(middle + END_SHARE * toward * length * axes[0])
 
 

@@ -89,6 +89,7 @@ def test_slender_parts_turn_at_the_end_that_is_nearer_and_hanging_arms_at_the_up
     for side, sign in (("left", 1), ("right", -1)):
         assert_allclose(places[f"arm_{side}"], [0.31 * sign, 1 + 0.9 * 0.25, 0], atol=0.02)
         assert_allclose(places[f"leg_{side}"], [0.13 * sign, 0.35 + 0.9 * 0.3, 0], atol=0.02)
+        assert_allclose(places[f"shoe_{side}"], [0.13 * sign, 0.04, 0], atol=0.04)
 
 
 def test_an_origin_toward_the_body_is_where_a_part_turns(build):

@@ -53,6 +53,10 @@ joint."""
 RIGID_END_SHARE = 0.1
 """Length of the end of a rigid part, as a share of the part's."""
 
+RIGID_KNEE_SHARE = 0.9
+"""Place of the knee of a leg that is one part above a foot, as a share of the leg: it follows the thigh, and the foot
+stays at its end."""
+
 MAX_TRIED = 16
 """About how many joints of a limb are tried as its three: their number grows with the third power."""
 
@@ -289,6 +293,10 @@ class _LimbReader:
             share = np.cumsum([0.0, *shape.shares[1:]]) / shape.shares[1:].sum()
             return _Chain(root + share[:, None] * (tip - root), (way[0],))
         nodes = max(self._choices(way, shape), key=lambda nodes: self._fit(way, nodes, shape))
+        if len(nodes) < 3 and self.rigid and self.part(nodes[1]) in ("foot", "toes"):
+            knee = self.place(nodes[0]) + RIGID_KNEE_SHARE * (self.place(nodes[1]) - self.place(nodes[0]))
+            foot = self.with_end(nodes, self.graph.subtrees[nodes[1]])
+            return _Chain(np.insert(foot.points, 1, knee, axis=0), nodes)
         if len(nodes) < 3:
             return self.without_end(*nodes)
         end = [nodes[2], *(other for other in self.graph.children[self.graph.parents[nodes[2]]] if other != nodes[2])]

@@ -105,6 +105,9 @@ def test_limbs_are_found_from_parts(build):
     assert list(found.limbs.points) == [TRUNK, "head", "left arm", "right arm", "left leg", "right leg"]
     assert (found.bodies[0][1].up @ [0, 1, 0], found.bodies[0][1].front @ [0, 0, 1]) == (1, 1)
     assert len(found.limbs.points[TRUNK]) == 2, "one part does not bend"
+    hip, knee, ankle, toes = found.limbs.points["left leg"]
+    assert_allclose(knee, hip + 0.9 * (ankle - hip))
+    assert_allclose(toes - ankle, [0, 0, 0.2], atol=0.07)  # the shoe lies on the floor
 
 
 def test_four_legs_of_the_same_name_are_told_by_where_they_are(build):

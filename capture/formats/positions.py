@@ -19,7 +19,7 @@ from capture.formats.clips import DEFAULT_FPS, build_clip, frame_rate
 from capture.formats.markers import has_markers, joints_of_markers
 from capture.formats.options import ReadOptions
 from capture.formats.placement import place, size_of, toes_ahead, without_far_frames
-from capture.formats.proportions import TYPICAL_TRUNK_METRES, refuse_other_bodies, refuse_pictures
+from capture.formats.proportions import TYPICAL_TRUNK_METRES, refuse_flat, refuse_other_bodies
 from capture.formats.skeleton_joints import BONES, MIDPOINTS
 from capture.skeleton import INFERRED, JOINT_INDEX, JOINTS, LOST
 from puppetline.errors import SkeletonLogError
@@ -128,7 +128,7 @@ def clip_of_positions(
     factors, image_note = image_positions.unit_of(body.points)
     if image_note:
         body = select(path, names, positions * factors, confidence)
-    refuse_pictures(path, body.points)
+    refuse_flat(path, body.points)
     refuse_other_bodies(path, body.points)
     size = size_of(path, body.points, options, in_image=bool(image_note))
     points, far_notes = without_far_frames(body.points, size.unit)

@@ -43,7 +43,7 @@ def bone_ratios(points: Floats) -> Floats:
         return ratios / np.nanmedian(ratios)
 
 
-def refuse_pictures(path: Path, points: Floats) -> None:
+def refuse_flat(path: Path, points: Floats) -> None:
     """Check that points (T, 20, 3) are in space: their third coordinate is no score, and no copy of another.
 
     Raises

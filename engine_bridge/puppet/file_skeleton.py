@@ -21,7 +21,7 @@ class FileSkeleton:
         Node of each joint, the row of the joint on which it hangs, and that of the nearest joint above it in the file,
         which is another one for parts; −1 for none.
     positions : (j, 3) float64
-        For a loose node, the middle of the vertices that it shows.
+        For a loose node, the middle of the vertices that it shows; for a part, where it turns.
     loose : dict
         Rows of shown nodes without a skin and without a joint above them, with their names.
     diagonal : float

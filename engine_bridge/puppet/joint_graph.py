@@ -128,8 +128,8 @@ def _hang(joints: Sequence[Joint], meanings: Sequence[JointMeaning | None], pare
     """Hang branches that are far from their parents, above which nothing moves vertices, on the joint that they touch.
 
     Feet with inverse kinematics hang on the root, and parts of an armature may have no parent. Joints that share
-    triangles touch; of other joints, those whose vertices are nearest do. The largest branch is the body, and stays
-    where it is.
+    triangles touch; of other joints, those whose vertices are nearest do. A root at the place of another joint hangs on
+    that. The largest branch is the body, and stays where it is.
     """
     sides = [_side(meaning) for meaning in meanings]
     labels = [LABEL_OF.get(meaning.part) if meaning else None for meaning in meanings]
@@ -161,7 +161,9 @@ def _hang(joints: Sequence[Joint], meanings: Sequence[JointMeaning | None], pare
             if group_of.get(index) != own
             and side * sides[index] >= 0
             and labels[index] in (None, "trunk", label or labels[index])
-            and not (index in firsts and label and meanings[index] == meanings[tops[top]])  # another whole limb
+            and not (
+                index in firsts and label and meanings[index] == meanings[tops[top]]
+            )  # two whole limbs of one name
         }
         same = [each for each in allowed if np.allclose(joints[each].place, joints[top].place, 0, SAME_SHARE * size)]
         if parent < 0 and top != main and same:

@@ -122,6 +122,8 @@ class _Shape:
 def part_joints(character: Character) -> list[Joint]:
     """Return a joint for each node of `part_nodes`, for a character without skins whose parts are not nested.
 
+    The vertices of a joint are the corners of its part's triangles.
+
     A part hangs on the one that it touches most, or that is nearest; on the one above it in the file, if it touches
     that. A limb does not hang on another one. The first part is the largest whose name says that it is the trunk, or
     else the one without which the largest of the remaining pieces is smallest. A single part has no joint, nor

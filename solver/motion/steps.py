@@ -195,7 +195,7 @@ def _step(plan, state, time, positions, confidence, motions, root):
     elapsed = max(0.0, time - clock[TIME]) if began else math.inf
     clock[TIME] = time
     rests, low = resting_feet(plan.watch, state.watch, positions, confidence, elapsed, began)
-    unseen = 0  # not a flag: what takes one would be compiled twice, for a constant as well
+    unseen = 0  # a flag that begins as a constant has two types, and the gait would be compiled for both
     for foot in range(2):
         seen = is_seen(plan.watch.joints[foot], positions, confidence)
         unseen += 0 if seen else 1

@@ -157,14 +157,15 @@ class OrbbecDevice(DepthCamera):
         self._accelerometer = sensor
 
     def _receive(self, timeout: float) -> bool:
+        stopped = self._ob.OBPlaybackStatus.STOPPED
+        over = self._recorded and self._device.get_playback_status() == stopped  # the last frames may still come
         try:
             frames = self._pipeline.wait_for_frames(max(1, round(1000 * timeout)))
             if frames is not None:
                 self._add_frames(frames)
         except (RuntimeError, self._ob.OBError) as error:
             raise self._failure(error) from error
-        stopped = self._ob.OBPlaybackStatus.STOPPED
-        if frames is None and self._recorded and self._device.get_playback_status() == stopped:
+        if over and frames is None:
             if not self._loop:
                 raise self._ended()
             self.close()

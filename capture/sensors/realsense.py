@@ -185,13 +185,14 @@ class RealSenseDevice(DepthCamera):
                 self._to_image = np.array(columns).reshape(3, 3).T
 
     def _receive(self, timeout: float) -> bool:
+        over = self._recorded and not self._loop and self._at_end()  # before waiting: the last frames may still come
         try:
             there, frames = self._pipeline.try_wait_for_frames(max(1, round(1000 * timeout)))
             if there:
                 self._add_frames(frames)
         except RuntimeError as error:
             raise self._failure(error) from error
-        if not there and self._recorded and not self._loop and self._at_end():
+        if over and not there:
             raise self._ended()
         return bool(there)
 

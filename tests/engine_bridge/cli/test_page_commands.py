@@ -58,6 +58,8 @@ ADDED = {
 }
 """Options that end a command soon, and keep it from ports and folders of the user."""
 
+LISTENS = "serving|The studio is at"
+
 
 @pytest.fixture(scope="module")
 def short_examples():
@@ -143,18 +145,21 @@ def ran():
 
 
 def starts_and_stops(running, arguments):
-    """Run a command that does not end by itself, up to the line that says where it listens, then press Ctrl-C."""
+    """Run a command that does not end by itself, up to the first line that says where it listens, then press Ctrl-C.
+
+    Ctrl-C is pressed once: a second one, while the command stops, ends it at once with an error.
+    """
     read, write = os.pipe()
     process = running.start(*arguments, stdout=write, stderr=write)
     os.close(write)
     with os.fdopen(read) as lines:
-        heard = []
+        heard = ""
         for line in lines:
-            heard.append(line)
-            if "serving" in line or "The studio is at" in line:
+            listened, heard = re.search(LISTENS, heard), heard + line
+            if re.search(LISTENS, line) and not listened:
                 process.send_signal(signal.SIGINT)
-        assert process.wait() == 0, "".join(heard)
-        assert re.search("serving|The studio is at", "".join(heard))
+        assert process.wait() == 0, heard
+        assert re.search(LISTENS, heard)
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if any(commands(page))], ids=name_of)

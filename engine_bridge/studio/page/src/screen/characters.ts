@@ -23,7 +23,7 @@ export class Characters {
   private readonly target = new Vector3();
   private size = new Vector3(1, 1, 1);
   private last = performance.now();
-  /** Images drawn so far. */
+  /** Images drawn so far with every character. */
   images = 0;
   /** Whether the machine makes a film, so that fewer images are drawn without a graphics card. */
   working = false;
@@ -53,7 +53,7 @@ export class Characters {
   }
 
   /** Whether every character's mesh has arrived. */
-  get complete(): boolean {
+  private get complete(): boolean {
     return this.figures.size > 0 && [...this.figures.values()].every(({ mesh }) => mesh !== null);
   }
 
@@ -134,7 +134,7 @@ export class Characters {
     this.target.lerp(this.middle(), 1 - Math.exp(-FOLLOWING * seconds));
     this.frame();
     this.stage.render();
-    this.images++;
+    if (this.complete) this.images++;
     if (this.paced) this.stage.keepPace(this.working);
   }
 }

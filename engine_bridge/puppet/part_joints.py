@@ -126,8 +126,8 @@ def part_joints(character: Character) -> list[Joint]:
 
     A part hangs on the one that it touches most, or that is nearest; on the one above it in the file, if it touches
     that. A limb does not hang on another one. The first part is the largest whose name says that it is the trunk, or
-    else the one without which the largest of the remaining pieces is smallest. A single part has no joint, nor
-    have more than `MAX_PARTS`.
+    else the one without which the largest of the remaining pieces is smallest: one whose name says nothing, if there
+    is any between others. A single part has no joint, nor have more than `MAX_PARTS`.
     """
     nodes = part_nodes(character)
     if not 2 <= len(nodes) <= MAX_PARTS:
@@ -241,11 +241,13 @@ def _first(spanning: csr_array, meanings: Sequence[JointMeaning | None], areas: 
     named = [row for row, meaning in enumerate(meanings) if meaning and LABEL_OF.get(meaning.part) == "trunk"]
     if named:
         return max(named, key=lambda row: areas[row])
-    largest = []
-    for row in range(len(areas)):
+    largest = dict[int, float]()
+    for row, meaning in enumerate(meanings):
         order, above = breadth_first_order(spanning, row, directed=False)
         held = areas.copy()
         for each in order[:0:-1]:
             held[above[each]] += held[each] if above[each] != row else 0.0
-        largest.append(max((held[each] for each in order[1:] if above[each] == row), default=0.0))
-    return int(np.argmin(largest))
+        pieces = [float(held[each]) for each in order[1:] if above[each] == row]
+        nameless = meaning is None and len(pieces) > 1  # what carries a head and arms, and not an eye
+        largest[row] = max(pieces, default=0.0) - float(areas.sum()) * nameless
+    return min(largest, key=lambda row: largest[row])

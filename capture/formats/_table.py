@@ -374,7 +374,7 @@ class Table:
             if 0 < len(missing) <= MAX_MISSING:
                 found += f", which have no {' and '.join(missing)}"
             if roles >= {"x", "y"} and "z" not in roles:
-                self.refuse(f"{found}, which have no z: positions in a picture", IN_SPACE)
+                self.refuse(f"{found}, which have no z: positions in an image", IN_SPACE)
             self.refuse(found, NAME_COLUMNS if roles >= set(AXES) or not names else f"{EXPORT} {NAME_COLUMNS}")
         return self._layouts
 

@@ -19,14 +19,14 @@ MARKERS = {
     "sacrum": "sacr vsac vsacral s2 sacrum waistback",
     "hip": "hjc hipjoint",
     "knee": "kjc kneejoint",
-    "knee sides": "kne knee mknee lfc mfc fle fme",
+    "knee sides": "kne kni knee mknee lfc mfc fle fme",
     "ankle": "ajc anklejoint",
     "ankle sides": "ank ankle mankle lmal mmal fal tam",
     "toe": "toe to toetip mt2 mt1 mt5 forefoot bigtoe fm1 fm2 fm5",
     "heel": "hee heel cal calc heelback fcc",
-    "shoulder": "sho acromium acromion acr shoulder acrotip sae",
-    "elbow": "elb elbow elbm melbow lel mel hle hme",
-    "wrist": "wri wra wrb w wrist faradius faulna radius ulna rsp usp",
+    "shoulder": "sho sh acromium acromion acr shoulder acrotip sae",
+    "elbow": "elb el elbow elbm melbow lel mel hle hme",
+    "wrist": "wri wr wre wra wrb w wrist faradius faulna radius ulna rsp usp",
     "hand": "fin finger hand mcp3 middfing hm2 hm5",
     "head sides": "fhd bhd temple hea thea fhea head headf headb headfront headback headtamp fthead bkhead",
     "neck": "c7 cv7 clav sternum sjn",
@@ -38,6 +38,9 @@ BELL = 0.36, 0.19, 0.30
 
 _SIDE_OF_JOINT = re.compile("(lat|med|lateral|medial|radius|ulna|reg|study|v|in|out|top|[0-9])+$")
 """Ends of names that tell the side of a joint, or how a program has placed the marker."""
+
+_AROUND = tuple("fbio")
+"""Letters after that of the side, for a marker in front of, behind, inside or outside a joint: LFSH, RIWR."""
 
 _WORD = re.compile("[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[0-9]+")
 _CORNER = re.compile("(?<![A-Za-z])([FB])([LR])(?![A-Za-z])", re.IGNORECASE)
@@ -86,8 +89,9 @@ def _place(name: str) -> tuple[str, str] | None:
         if own in _PLACES:
             return _PLACES[own], ""
         for letter in ("l", "r"):
-            for rest in (own.removeprefix(letter), own.removesuffix(letter)):
-                if rest != own and rest in _PLACES:
+            rests = [rest for rest in (own.removeprefix(letter), own.removesuffix(letter)) if rest != own]
+            for rest in (*rests, *(rest[1:] for rest in rests if rest[:1] in _AROUND)):
+                if rest in _PLACES:
                     return _PLACES[rest], _SIDES[letter]
     return None
 

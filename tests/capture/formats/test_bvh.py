@@ -320,3 +320,15 @@ def test_the_toes_of_a_body_that_kneels_do_not_tell_its_front(tmp_path):
     (clip,) = clips_of(body_file(tmp_path, rows))
     assert not any("left-handed" in note for note in clip.notes)
     assert clip.positions[0, JOINT_INDEX["ankle_left"], 2] > clip.positions[0, JOINT_INDEX["knee_left"], 2] + 0.3
+
+
+def test_a_person_who_sits_and_reaches_forward_is_no_animal(tmp_path):
+    rows = np.zeros((3, 3 + 3 * JOINT_COUNT))
+    names = [line.split()[1] for line in hierarchy(BODY) if line.split()[0] in ("ROOT", "JOINT")]
+    for name in ("LeftArm", "RightArm", "LeftUpLeg", "RightUpLeg"):
+        rows[:, 3 + 3 * names.index(name) + 2] = -90  # degrees about x: hanging limbs point forward
+    [clip] = bvh.read(body_file(tmp_path, rows), ReadOptions())
+    for joint in ("wrist_left", "wrist_right", "ankle_left", "ankle_right"):
+        root = joint.replace("wrist", "shoulder").replace("ankle", "hip")
+        way = clip.positions[:, JOINT_INDEX[joint]] - clip.positions[:, JOINT_INDEX[root]]
+        np.testing.assert_allclose(way / np.linalg.norm(way, axis=1, keepdims=True), [[0, 0, -1]] * 3, atol=1e-6)

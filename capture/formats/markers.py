@@ -24,10 +24,10 @@ MARKERS = {
     "ankle sides": "ank ankle mankle lmal mmal fal tam",
     "toe": "toe to toetip mt2 mt1 mt5 forefoot bigtoe fm1 fm2 fm5",
     "heel": "hee heel cal calc heelback fcc",
-    "shoulder": "sho sh acromium acromion acr shoulder acrotip sae",
-    "elbow": "elb el elbow elbm melbow lel mel hle hme",
-    "wrist": "wri wr wre wra wrb w wrist faradius faulna radius ulna rsp usp",
-    "hand": "fin finger hand mcp3 middfing hm2 hm5",
+    "shoulder": "sho fsh bsh acromium acromion acr shoulder acrotip sae",
+    "elbow": "elb iel elbow elbm melbow lel mel hle hme",
+    "wrist": "wri owr iwr wre wra wrb w wrist faradius faulna radius ulna rsp usp",
+    "hand": "fin finger hand ihand ohand mcp3 middfing hm2 hm5",
     "head sides": "fhd bhd temple hea thea fhea head headf headb headfront headback headtamp fthead bkhead",
     "neck": "c7 cv7 clav sternum sjn",
 }
@@ -38,9 +38,6 @@ BELL = 0.36, 0.19, 0.30
 
 _SIDE_OF_JOINT = re.compile("(lat|med|lateral|medial|radius|ulna|reg|study|v|in|out|top|[0-9])+$")
 """Ends of names that tell the side of a joint, or how a program has placed the marker."""
-
-_AROUND = tuple("fbio")
-"""Letters after that of the side, for a marker in front of, behind, inside or outside a joint: LFSH, RIWR."""
 
 _WORD = re.compile("[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[0-9]+")
 _CORNER = re.compile("(?<![A-Za-z])([FB])([LR])(?![A-Za-z])", re.IGNORECASE)
@@ -89,9 +86,8 @@ def _place(name: str) -> tuple[str, str] | None:
         if own in _PLACES:
             return _PLACES[own], ""
         for letter in ("l", "r"):
-            rests = [rest for rest in (own.removeprefix(letter), own.removesuffix(letter)) if rest != own]
-            for rest in (*rests, *(rest[1:] for rest in rests if rest[:1] in _AROUND)):
-                if rest in _PLACES:
+            for rest in (own.removeprefix(letter), own.removesuffix(letter)):
+                if rest != own and rest in _PLACES:
                     return _PLACES[rest], _SIDES[letter]
     return None
 

@@ -332,3 +332,38 @@ def test_a_person_who_sits_and_reaches_forward_is_no_animal(tmp_path):
         root = joint.replace("wrist", "shoulder").replace("ankle", "hip")
         way = clip.positions[:, JOINT_INDEX[joint]] - clip.positions[:, JOINT_INDEX[root]]
         np.testing.assert_allclose(way / np.linalg.norm(way, axis=1, keepdims=True), [[0, 0, -1]] * 3, atol=1e-6)
+
+
+def test_frames_whose_numbers_are_not_known_are_omitted(tmp_path):
+    rows = random_rows(6)
+    [whole] = bvh.read(body_file(tmp_path, rows), ReadOptions())
+    rows[2, 4] = np.nan
+    [clip] = bvh.read(body_file(tmp_path, rows), ReadOptions())
+    kept = [0, 1, 3, 4, 5]
+    assert_allclose(clip.times, whole.times[kept])
+    assert_allclose(clip.positions, whole.positions[kept], atol=1e-9)
+    assert "In 1 of 6 frames, numbers are not known. These are omitted." in clip.notes
+    rows[:] = np.nan
+    with pytest.raises(SkeletonLogError, match="no frame whose numbers are all known"):
+        bvh.read(body_file(tmp_path, rows), ReadOptions())
+
+
+def test_ends_of_joints_with_positions_only_are_nowhere(tmp_path):
+    """As in files that some converters of positions write: each joint hangs on the hips, with the same end."""
+    rows = random_rows(5)
+    nodes, motion_rows, *_ = bvh_parser.parse(body_file(tmp_path, rows))
+    moving = bvh.motion_of(nodes, motion_rows)
+    named = [at for at, name in enumerate(moving.names) if name and "Toe" not in name]
+    lines = ["HIERARCHY", "ROOT Hips", "{", "OFFSET 0 0 0", f"CHANNELS 6 {' '.join((*POSITIONS, *ROTATIONS))}"]
+    columns = [moving.positions[0], np.zeros((5, 3))]
+    for at in named[1:]:
+        lines += [f"JOINT {moving.names[at]}", "{", "OFFSET 0 0 0", f"CHANNELS 3 {' '.join(POSITIONS)}"]
+        lines += ["End Site", "{", "OFFSET 0 10 0", "}", "}"]
+        columns.append(moving.positions[at] - moving.positions[0])
+    lines += ["}", *motion(np.concatenate(columns, axis=1))]
+    [clip] = bvh.read(write(tmp_path, lines), ReadOptions())
+    [whole] = bvh.read(body_file(tmp_path, rows), ReadOptions())
+    assert np.isnan(clip.positions[:, JOINT_INDEX["foot_left"]]).all()
+    for joint in RIGID:
+        tip, root = JOINT_INDEX[joint], JOINT_INDEX[PARENTS[joint]]
+        assert_allclose(*(each.positions[:, tip] - each.positions[:, root] for each in (clip, whole)), atol=1e-6)

@@ -388,3 +388,11 @@ def test_sentences_with_words_before_numbers_are_rows(read, sentence):
 def test_text_without_words_before_its_numbers_is_no_table(read):
     with pytest.raises(SkeletonLogError, match="text without rows of numbers"):
         read(table, ["one line of words", "and 12 another", "and a third"])
+
+
+@pytest.mark.parametrize("word", ["Landmark_", "kp", "joint "])
+def test_numbers_of_joints_may_follow_a_word_in_each_row(read, word):
+    rows = [f"up,{word}{k},{x},{y},{z}" for pose in joints_as(BLAZEPOSE) for k, (x, y, z) in enumerate(pose)]
+    [clip] = read(table, ["Pose,Landmark,X,Y,Z", *rows])
+    arms = [JOINT_INDEX[f"{joint}_{side}"] for joint in ("elbow", "wrist", "knee") for side in ("left", "right")]
+    np.testing.assert_allclose(clip.positions[:, arms], person()[:, arms], atol=1e-9)

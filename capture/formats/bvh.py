@@ -33,7 +33,7 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
         A line violates the format, or the joints are not those of a human body.
     """
     nodes, motion, frame_time, notes = parse(path, options.fps)
-    known = np.isfinite(motion).all(axis=1)
+    known = np.array(np.isfinite(motion).all(axis=1))
     if not known.any():
         raise SkeletonLogError(
             path, found="no frame whose numbers are all known", expected="motion", fix="Export the motion again."
@@ -41,7 +41,7 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
     if not known.all():
         missing = f"{np.count_nonzero(~known)} of {len(known)} frames"
         notes = (*notes, f"In {missing}, numbers are not known. These are omitted.")
-    times = frame_time * np.flatnonzero(known)
+    times = frame_time * np.flatnonzero(known).astype(np.float64)
     return clips_of(path, "bvh", times, motion_of(nodes, motion[known]), options, notes)
 
 

@@ -57,6 +57,8 @@ SIDES = "left", "right"
 
 BY_SHAPE_NOTE = "The names of the joints are unknown. Their meanings follow from the shape of the skeleton."
 
+ANIMAL_NOTE = "A four-legged skeleton: the character's legs, trunk and neck point as the animal's do."
+
 FOURS_COSINE, TRUNK_COSINE, FOURS_SHARE = 0.7, 0.5, 0.9
 """On all fours, arms and legs have a cosine above, trunk and legs one below, in more than this share of the frames."""
 
@@ -73,12 +75,13 @@ Points = NDArray[np.float64]
 
 
 class Body(NamedTuple):
-    """The 20 joints of a skeleton: points (T, 20, 3), NaN for lost joints; their nodes; whether names told; notes."""
+    """The 20 joints of a skeleton: points (T, 20, 3), NaN for lost ones; nodes; whether names told; notes; legs."""
 
     points: Points
     nodes: dict[str, int]
     named: bool
     notes: tuple[str, ...]
+    legs: int
 
 
 def select(
@@ -129,9 +132,10 @@ def select(
     points = np.full((len(positions[0]), len(JOINTS), 3), np.nan)
     for name, point in found.items():
         points[:, JOINT_INDEX[name]] = point
-    if not options.as_person and not _is_upright(rest, chosen) and _is_on_all_fours(points):
-        raise _animal_error(path, 4)
-    return Body(points, chosen, named, tuple(notes))
+    legs = 2 if options.as_person or _is_upright(rest, chosen) or not _is_on_all_fours(points) else 4
+    if legs > 2 and not options.animals:
+        raise _animal_error(path, legs)
+    return Body(points, chosen, named, (*notes, *([ANIMAL_NOTE] if legs > 2 else ())), legs)
 
 
 def _choose(

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from capture.formats import bvh, bvh_parser
 from capture.formats.options import ReadOptions
 from capture.skeleton import JOINT_INDEX, PARENTS
+from capture.timeline import resample
 from puppetline.errors import SkeletonLogError
 
 from .bvh_files import (
@@ -367,3 +368,31 @@ def test_ends_of_joints_with_positions_only_are_nowhere(tmp_path):
     for joint in RIGID:
         tip, root = JOINT_INDEX[joint], JOINT_INDEX[PARENTS[joint]]
         assert_allclose(*(each.positions[:, tip] - each.positions[:, root] for each in (clip, whole)), atol=1e-6)
+
+
+def animal_leg(name, x, z):
+    side = "Left" if x > 0 else "Right"
+    joints = {"Hind": ("UpLeg", "Leg", "Foot", "ToeBase"), "Front": ("Arm", "ForeArm", "Hand", "HandIndex1")}[name]
+    tree = ("", (0, 0, 4), [])
+    for joint, offset in zip(joints[::-1], ((0, -6, 5), (0, -25, 0), (0, -25, 0), (x, -5, z)), strict=True):
+        tree = (f"{side}{joint}", offset, [tree])
+    return tree
+
+
+ANIMAL = ("Hips", (0, 0, 0), [
+    ("Spine", (0, 0, 20), [("Neck", (0, 5, 45), [("Head", (0, 20, 15), [("", (0, 0, 20), [])])]),
+                           animal_leg("Front", 9, 35), animal_leg("Front", -9, 35)]),
+    animal_leg("Hind", 9, 0), animal_leg("Hind", -9, 0),
+])  # fmt: skip
+
+
+def test_a_four_legged_skeleton_is_an_animal_if_one_is_asked_for(tmp_path):
+    joints = sum(line.split()[0] in ("ROOT", "JOINT") for line in hierarchy(ANIMAL))
+    path = write(tmp_path, ["HIERARCHY", *hierarchy(ANIMAL), *motion(np.zeros((3, 3 + 3 * joints)))])
+    with pytest.raises(SkeletonLogError, match="a four-legged skeleton: no performer"):
+        bvh.read(path, ReadOptions())
+    [clip] = bvh.read(path, ReadOptions(animals=True))
+    [person] = bvh.read(path, ReadOptions(as_person=True, animals=True))
+    assert (clip.legs, person.legs, resample(clip).legs) == (4, 2, 4)
+    assert_allclose(clip.positions, person.positions)
+    assert any("four-legged" in note for note in clip.notes)

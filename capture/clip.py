@@ -35,6 +35,8 @@ class SkeletonClip:
         Values of channels (`capture.channels`), NaN if unknown.
     rest : (20, 3) float64, optional
         The performer's rest pose, in place of the first frame, if the recording has one beside its frames.
+    legs : int
+        Number of legs of the body: 4 for an animal, whose forelegs are arms.
     cues : tuple of Cue
         Commands of the whole recording, in its order; only takes have them.
     """
@@ -49,6 +51,7 @@ class SkeletonClip:
     cues: tuple[Cue, ...] = ()
     channels: dict[str, NDArray[np.float32]] | None = None
     rest: NDArray[np.float64] | None = None
+    legs: int = 2
 
     def __post_init__(self) -> None:
         """Check the conditions on which all later steps rely; a failure is a bug of the reader."""

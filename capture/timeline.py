@@ -41,6 +41,8 @@ class Timeline:
         The performer's calibration pose in the coordinates of the positions, if it is known otherwise than from them.
     channels : dict of str to (T,) float32, optional
         Values of channels (`capture.channels`).
+    legs : int
+        Number of legs of the body: 4 for an animal, whose forelegs are arms.
     """
 
     fps: float
@@ -50,6 +52,7 @@ class Timeline:
     orientations: NDArray[np.float64] | None = None
     rest: NDArray[np.float64] | None = None
     channels: dict[str, NDArray[np.float32]] | None = None
+    legs: int = 2
 
     @property
     def times(self) -> NDArray[np.float64]:
@@ -144,7 +147,7 @@ def resample(clip: SkeletonClip, fps: float = 30.0, max_gap: float = 0.25) -> Ti
     seen = seen - seen[0]
     before_gap = np.flatnonzero(np.diff(seen) > max_gap + TIME_TOLERANCE_SECONDS)
     gaps = tuple((float(seen[i]), float(seen[i + 1])) for i in before_gap)
-    return Timeline(fps, positions, confidence, gaps, orientations, clip.rest, channels)
+    return Timeline(fps, positions, confidence, gaps, orientations, clip.rest, channels, clip.legs)
 
 
 def choose(clips: Sequence[SkeletonClip], user: int | None = None) -> tuple[SkeletonClip, str]:

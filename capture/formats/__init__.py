@@ -30,7 +30,7 @@ FORMATS: dict[str, str] = {
     "c3d_file": "C3D markers",
     "azure_json": "Azure Kinect offline_processor JSON",
     "kinect_v2_json": "Kinect v2 JSON in depth pixels",
-    "landmarks_json": "JSON of trackers (MediaPipe, OpenPose in 3D)",
+    "landmarks_json": "JSON, XML and YARP logs of trackers (MediaPipe, OpenPose in 3D)",
     "ntu": "NTU RGB+D .skeleton",
     "arrays": "arrays of joint positions or SMPL parameters (.npy, .npz, .mat)",
     "kinect_v2_sparse": "Kinect v2 text with tracked joints only",

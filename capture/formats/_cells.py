@@ -29,6 +29,10 @@ _LABELLED = rf"(?:['\"]?[A-Za-z]+['\"]?\s*[:=]\s*)?{_NUMBER}"
 _NUMBERS = re.compile(_NUMBER)
 _VECTOR = re.compile(rf"(?:[A-Za-z]*[\[({{<])*\s*{_LABELLED}(?:[\s,;]+{_LABELLED}){{2,6}}\s*[\])}}>]*")
 _PAIR = re.compile(rf"[\[(]\s*{_NUMBER}\s*,\s*{_NUMBER}\s*[\])]")
+_TOKENS = re.compile(rf"(?<![\w.]){_NUMBER}(?![\w.])|[A-Za-z]\w*")
+SENTENCES_SHARE = 0.8
+"""Smallest share of the lines of a text that have the same words and numbers in the same order."""
+
 PARTS = ("x", "y", "z", "visibility")
 """Names of the numbers in a cell; others have none."""
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
@@ -109,6 +113,9 @@ def split(lines: Sequence[Line]) -> Cells | None:
     separator, rows = _rows(lines)
     first = next((index for index, row in enumerate(rows) if _has_numbers(row)), None)
     if first is None:
+        lines, rows = _of_sentences(lines)
+        first = 1
+    if not rows:
         return None
     width = _width(rows, first)
     if separator == "," and _is_digits(rows[first : first + 60]):
@@ -173,6 +180,38 @@ def _rows(lines: Sequence[Line]) -> tuple[str | None, list[list[str]]]:
     if len(rows) > numbered and all(map(_is_plain_vector, rows[numbered][:2])):
         return None, [_NUMBERS.findall(text) if index >= numbered else [] for index, (_, text) in enumerate(lines)]
     return separator, rows
+
+
+def _of_sentences(lines: Sequence[Line]) -> tuple[Sequence[Line], list[list[str]]]:
+    """Return lines and cells, with a header, of text with words before numbers, such as ``Head: position (1, 2, 3)``.
+
+    Most lines have the same number of words and numbers in the same order; others are left out. Words that are equal in
+    all lines name the numbers after them. A word that differs is a cell.
+    """
+    tokens = [(line, _TOKENS.findall(line[1])) for line in lines]
+    kinds = Counter(tuple(number(token) is None for token in own) for _, own in tokens)
+    kind, count = kinds.most_common(1)[0]
+    own = [(line, each) for line, each in tokens if tuple(number(token) is None for token in each) == kind]
+    if count < SENTENCES_SHARE * len(lines) or kind.count(False) < 3:
+        return [], []
+    columns: list[tuple[int, str]] = []
+    label = ""
+    for index, is_word in enumerate(kind):
+        if is_word and len({each[index] for _, each in own}) == 1:
+            label = own[0][1][index]
+        else:
+            columns.append((index, label or "joint"))
+    if not label:
+        return [], []
+    labels = [label for _, label in columns]
+    header = [
+        f"{label} {'xyz'[labels[:place].count(label)]}" if labels.count(label) == 3 else label
+        for place, label in enumerate(labels)
+    ]
+    if labels[0].lower() == "joint" and len(set(labels[1:4])) == 1:  # whose position follows
+        header[1:4] = "xyz"
+    chosen = [line for line, _ in own]
+    return [chosen[0], *chosen], [header, *([each[index] for index, _ in columns] for _, each in own)]
 
 
 def _is_digits(rows: Sequence[Sequence[str]]) -> bool:

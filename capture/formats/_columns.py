@@ -70,6 +70,13 @@ def with_numbers_as_axes(columns: Sequence[Column]) -> list[Column]:
     return found if is_person([column.joint for column in found if column.role == "z"]) else []
 
 
+def without_prefix(names: Sequence[str]) -> list[str]:
+    """Return the numbers that names consist of after the same word, as Landmark_0; other names as they are."""
+    numbers = [re.sub("[A-Za-z_ ]*", "", name, count=1) for name in names]
+    prefixes = {name.removesuffix(number) for name, number in zip(names, numbers, strict=True)}
+    return numbers if len(prefixes) == 1 and all(number.isdecimal() for number in numbers) else list(names)
+
+
 def _words(cell: str) -> list[str]:
     words = [word.lower() for word in _WORD.findall(cell)]
     return [part for word in words for part in _without_axis(word)]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.formats._cells import PARTS, DecimalCommaError, UnevenError, number, split
-from capture.formats._columns import AXES, WORDS, Column, parse, with_numbers_as_axes
+from capture.formats._columns import AXES, WORDS, Column, parse, with_numbers_as_axes, without_prefix
 from capture.formats._rows import Line
 from capture.formats.joint_sets import MAX_MISFIT, Fit, clearest, fits
 from capture.formats.layouts import HOLISTIC, JOINT_SETS
@@ -173,10 +173,8 @@ class Table:
         unnamed = {name: own for name, own in joints.items() if name.startswith(UNNAMED)}
         if len(joints) > len(unnamed):
             joints = {name: own for name, own in joints.items() if name not in unnamed and not _PART.match(name)}
-            numbers = {name: name.lstrip("abcdefghijklmnopqrstuvwxyz_") for name in joints}
-            is_numbered = all(number.isdecimal() for number in numbers.values())
-            if is_numbered and len({name.removesuffix(number) for name, number in numbers.items()}) == 1:
-                joints = {numbers[name]: own for name, own in joints.items()}
+            joints = dict(zip(without_prefix(list(joints)), joints.values(), strict=True))
+            is_numbered = all(name.isdecimal() for name in joints)
             return Layout(joints, fields) if is_numbered or is_person(list(joints)) else None
         is_known = len(joints) > 1 or fields or self._is_of_joints
         is_known = is_known or self._joint_set_of_rows(next(iter(joints.values()))) is not None
@@ -374,7 +372,7 @@ class Table:
             if 0 < len(missing) <= MAX_MISSING:
                 found += f", which have no {' and '.join(missing)}"
             if roles >= {"x", "y"} and "z" not in roles:
-                self.refuse(f"{found}, which have no z: positions in a picture", IN_SPACE)
+                self.refuse(f"{found}, which have no z: positions in an image", IN_SPACE)
             self.refuse(found, NAME_COLUMNS if roles >= set(AXES) or not names else f"{EXPORT} {NAME_COLUMNS}")
         return self._layouts
 

@@ -239,7 +239,7 @@ def _refuse(path: Path, arrays: Arrays, options: ReadOptions) -> NoReturn:
     shapes = [np.squeeze(array).shape for array in arrays.values()]
     found, fix = describe(arrays), ""
     if any(shape[-1:] == (2,) and shape[-2:-1] and shape[-2] in _SIZES for shape in shapes):
-        found, fix = f"{found}, positions in a picture (2D)", "Use positions in space, or the video itself."
+        found, fix = f"{found}, positions in an image (2D)", "Use positions in space, or the video itself."
     elif any(shape[-1:] == (263,) for shape in shapes):
         found, fix = f"{found}, features of HumanML3D", "Use the joints of the same motion, in new_joints."
     elif options.joints:

@@ -14,6 +14,7 @@ from capture.clip import SkeletonClip
 from capture.formats.bvh_parser import Node, parse
 from capture.formats.options import ReadOptions
 from capture.formats.skeleton_motion import SkeletonMotion, clips_of, forward_kinematics, rest_positions
+from puppetline.errors import SkeletonLogError
 
 
 def matches(head: bytes) -> bool:
@@ -32,12 +33,22 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
         A line violates the format, or the joints are not those of a human body.
     """
     nodes, motion, frame_time, notes = parse(path, options.fps)
-    times = frame_time * np.arange(len(motion), dtype=np.float64)
-    return clips_of(path, "bvh", times, motion_of(nodes, motion), options, notes)
+    known = np.array(np.isfinite(motion).all(axis=1))
+    if not known.any():
+        raise SkeletonLogError(
+            path, found="no frame whose numbers are all known", expected="motion", fix="Export the motion again."
+        )
+    if not known.all():
+        missing = f"{np.count_nonzero(~known)} of {len(known)} frames"
+        notes = (*notes, f"In {missing}, numbers are not known. These are omitted.")
+    times = frame_time * np.flatnonzero(known).astype(np.float64)
+    return clips_of(path, "bvh", times, motion_of(nodes, motion[known]), options, notes)
 
 
 def motion_of(nodes: list[Node], motion: NDArray[np.float64]) -> SkeletonMotion:
     """Return the motion of the nodes of a file.
+
+    A joint with positions only does not turn what hangs on it, so the end of its bone is nowhere, and left out.
 
     Parameters
     ----------
@@ -46,6 +57,8 @@ def motion_of(nodes: list[Node], motion: NDArray[np.float64]) -> SkeletonMotion:
     motion : (T, C) float64
         Numbers of all channels of all nodes in order; file units and degrees.
     """
+    kinds = [{kind for _, kind in node.channels} for node in nodes]
+    nodes = [node for node in nodes if node.name or node.parent < 0 or kinds[node.parent] != {"position"}]
     translations: list[NDArray[np.float64]] = []
     rotations: list[NDArray[np.float64]] = []
     column = 0

@@ -60,7 +60,7 @@ def parse(path: Path, fps: float | None = None) -> tuple[list[Node], NDArray[np.
     -------
     nodes : list of Node
     motion : (T, C) float64
-        Numbers of all channels of all nodes, in file units and degrees.
+        Numbers of all channels of all nodes, in file units and degrees; perhaps NaN.
     frame_time : float
         Seconds per frame.
     notes : tuple of str
@@ -77,7 +77,8 @@ def parse(path: Path, fps: float | None = None) -> tuple[list[Node], NDArray[np.
     if not rest and count == 0:
         return nodes, _rest_values(nodes), 1 / (fps or DEFAULT_FPS), ("The file has no motion; it is a rest pose.",)
     frame_time, time_notes = _seconds_per_frame(stated_time, fps)
-    layout = RowLayout(sum(len(node.channels) for node in nodes), "one number per channel")
+    width = sum(len(node.channels) for node in nodes)
+    layout = RowLayout(width, "one number per channel", unused=range(width))
     rows, row_notes = _motion_lines(layout, rest, count)
     if not rows:
         raise SkeletonLogError(

@@ -1,6 +1,9 @@
 """C3D: the positions of markers, in binary form; read by the library c3d."""
 
+import math
+import re
 import warnings
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -10,6 +13,7 @@ import numpy as np
 from capture.clip import SkeletonClip
 from capture.formats._files import opened
 from capture.formats.clips import refuse_too_many
+from capture.formats.markers import has_markers
 from capture.formats.options import ReadOptions
 from capture.formats.positions import clip_of_positions
 from capture.libraries import load_module
@@ -24,7 +28,7 @@ def matches(head: bytes) -> bool:
 
 
 def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
-    """Read one clip; markers with a negative residual are lost.
+    """Read one clip, or one for each namespace that has a body's markers; markers with a negative residual are lost.
 
     Raises
     ------
@@ -62,19 +66,35 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
     table = np.array(frames, dtype=np.float64)[:, : len(names)]
     positions = np.where(table[..., 3:] < 0, np.nan, table[..., :3])
     times = np.arange(len(table)) / (options.fps or rate)
-    return [clip_of_positions(path, "c3d", names[: table.shape[1]], positions, options, times=times)]
+    names = names[: table.shape[1]]
+    spaces = [re.split("[:|]", name)[0] for name in names]
+    people = [[at for at, own in enumerate(spaces) if own == space] for space in dict.fromkeys(spaces)]
+    people = [own for own in people if has_markers([names[at] for at in own])]
+    chosen = people if len(people) > 1 else [list(range(len(names)))]
+    clips = [
+        clip_of_positions(path, "c3d", [names[at] for at in own], positions[:, own], options, times=times)
+        for own in chosen
+    ]
+    return [replace(clip, user=user) for user, clip in enumerate(clips)]
 
 
 def _markers_only(reader: type[Any]) -> type[Any]:
     """Return a reader that leaves out forces, and takes the scale of the markers from the header.
 
-    The library refuses files with scales that are stored as integers; the header's is always a float.
+    The library refuses files with scales that are stored as integers; the header's is always a float. It also refuses
+    numbers of frames that are stored as a table of one row.
     """
 
     class MarkerReader(reader):  # type: ignore[misc]
         @property
         def point_scale(self) -> float:
             return float(self.header.scale_factor)
+
+        def get(self, group: str, default: Any = None) -> Any:
+            parameter = super().get(group, default)
+            if str(group).startswith("TRIAL:ACTUAL_") and parameter is not None:
+                parameter.dimensions[:] = [math.prod(parameter.dimensions)]
+            return parameter
 
         def get_analog_transform(self) -> tuple[float, float]:
             return 1.0, 0.0

@@ -27,7 +27,7 @@ SAMPLE_FRAMES = 60
 MAX_MISFIT = 0.75
 """Largest misfit of a person; recordings of sensors have up to 0.7, wrong orders at least 1.0."""
 
-MAX_MISFITS = dict.fromkeys(("mediapipe", *HOLISTIC), 1.6)
+MAX_MISFITS = {name: 1.6 for name in ("mediapipe", *HOLISTIC) if name.startswith("mediapipe")}
 """The same for landmarks in images, whose depths are rough; no other sets have as many joints."""
 
 MAX_CENTRE_SHARE = 0.6

@@ -15,6 +15,7 @@ EXPECTED = "a recording of a person's joints: BVH, a table, an array, JSON of a 
 """What `puppetline` reads, for messages."""
 
 _AS_NUMBERS = "In Python, save the joints as numbers: np.savez(path, joints=…), or an SMPL body's poses and trans."
+_IN_SQUARES = bytes.maketrans(b"()", b"[]")
 _VIDEO = rb".{4}ftyp|\x00\x00\x01\xba|RIFF....AVI |\x1aE\xdf\xa3|FLV\x01"
 _KINDS: tuple[tuple[bytes, str, str], ...] = (
     (rb"\x80[\x02-\x05]", "a pickle of Python objects, which can run any program when it is read", _AS_NUMBERS),
@@ -80,7 +81,7 @@ def _describe(path: Path, head: bytes) -> tuple[str, str]:
     is_numbers = path.suffix.lower() == ".bvh" and re.match(rb"[\s\d.eE+-]+\Z", head[:1000])
     if is_numbers or re.match(rb"\s*(motion\s+)?frames\s*:", head, re.IGNORECASE):
         return "a BVH without its skeleton", "Copy the whole file: it begins with the word HIERARCHY."
-    if cell := re.search(rb"\[\s*\[[^\[\]]+\](?:\s*,\s*\[[^\[\]]+\])+\s*\]", head):
+    if cell := re.search(rb"\[\s*\[[^\[\]]+\](?:\s*,\s*\[[^\[\]]+\])+\s*\]", head.translate(_IN_SQUARES)):
         return _points_of_a_cell(cell[0])
     try:
         _ = Table(path, whole_lines(head), ReadOptions()).layouts
@@ -94,9 +95,9 @@ def _points_of_a_cell(cell: bytes) -> tuple[str, str]:
     points = [re.findall(rb"[^\[\],\s]+", point) for point in re.findall(rb"\[([^\[\]]+)\]", cell)]
     found = f"a table with {len(points)} × {len(points[0])} numbers in one cell"
     if len(points[0]) == 2:
-        return f"{found}: positions in a picture", IN_SPACE
+        return f"{found}: positions in an image", IN_SPACE
     if len(points[0]) == 3 and all(re.fullmatch(rb"0?\.\d+|[01](\.0*)?", point[-1]) for point in points):
-        return f"{found}, the third a score: positions in a picture", IN_SPACE
+        return f"{found}, the third a score: positions in an image", IN_SPACE
     return found, "Write x, y and z of each joint into columns of their own, with their names."
 
 

@@ -1,14 +1,16 @@
-"""JSON of trackers: in each frame the positions of landmarks, by name or in a known order.
+"""Documents of trackers (JSON, XML and others): in each frame the positions of landmarks, by name or in a known order.
 
 Programs that use MediaPipe, OpenPose and other trackers write frames as a list, or as an object with numbers for keys;
 somewhere in each is a pose, or one for each person. A pose is an object of names, a list of points, or a list of
-numbers. A point is ``[x, y, z]`` or ``{x, y, z}``, perhaps with a confidence. Of several poses in a frame, one in space
-(*world*, *3d*) counts. A document may also be one pose, or have a list of points over time for each name.
+numbers, or has joints with names at any depth. A point is ``[x, y, z]`` or ``{x, y, z}``, perhaps with a confidence. Of
+several poses in a frame, one in space (*world*, *3d*) counts. A document may also be one pose, or have a list of points
+over time for each name.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
+from capture.formats._documents import is_document, load
 from capture.formats._files import opened
-from capture.formats._json import load
 from capture.formats._table import EXPORT
-from capture.formats.clips import DEFAULT_FPS, frame_rate
+from capture.formats.clips import DEFAULT_FPS, MAX_JOINTS, frame_rate
 from capture.formats.joint_sets import fits, joint_set
 from capture.formats.layouts import JOINT_SETS
 from capture.formats.options import ReadOptions
@@ -32,7 +34,8 @@ _CONFIDENCES = ("visibility", "confidence", "score", "presence", "c", "v", "like
 _TIMES = ("time", "timestamp", "timestamp_ms", "timestampMs", "t", "time_s", "time_ms", "frame_time", "timestamp_usec")
 _FRAMES = ("frame", "frame_id", "frame_index", "frameNumber", "index")
 _IDS = ("person_id", "track_id", "id", "body_id", "user")
-_POSITIONS = ("position", "pos", "location", "translation")
+_POSITIONS = ("position", "positions", "pos", "location", "translation")
+_NAME = re.compile("name|tag|type|joint|part|keypoint|label|landmark", re.IGNORECASE)
 _SIZES = {len(joints) for joints in JOINT_SETS.values()}
 MAX_NUMBER = 2.0**63
 """Bound of the magnitude of a number: larger than any time in nanoseconds, small enough for calculations."""
@@ -52,8 +55,8 @@ class _Pose(NamedTuple):
 
 
 def matches(head: bytes) -> bool:
-    """Return whether a file's head is JSON with names or lists of landmarks."""
-    return head.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] in (b"{", b"[") and _HINT.search(head) is not None
+    """Return whether a file's head is a document with names or lists of landmarks."""
+    return is_document(head) and _HINT.search(head) is not None
 
 
 def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
@@ -64,7 +67,7 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
     SkeletonLogError
         The document is no JSON, or has no positions in space of a person's landmarks.
     """
-    document = load(path).data
+    document = load(path)
     people: dict[int, list[tuple[int, dict[str, Any], _Pose]]] = {}
     for index, frame in enumerate(_frames(document)):
         for order, (owner, pose) in enumerate(_poses(frame)):
@@ -76,7 +79,7 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
         kind = f"JSON with the keys {', '.join(map(str, list(document)[:8]))}" if isinstance(document, dict) else "JSON"
         raise SkeletonLogError(
             path,
-            found="JSON with positions in a picture (2D)" if is_flat else f"{kind}, without positions in space",
+            found="JSON with positions in an image (2D)" if is_flat else f"{kind}, without positions in space",
             expected="x, y and z of a person's landmarks in each frame",
             fix="Use the tracker's positions in space (MediaPipe: pose_world_landmarks), or the video itself."
             if is_flat
@@ -188,23 +191,29 @@ def _pose(value: Any) -> _Pose | None:
         own = {name: point for name, each in value.items() if (point := _point(each)) is not None}
         if len(own) == len(value) in _SIZES and all(key.isdecimal() for key in own):
             return _Pose(None, list(own.values()))
-        return _Pose(tuple(own), list(own.values())) if len(own) > 5 and is_person(list(own)) else None
+        if len(own) > 5 and is_person(list(own)):
+            return _Pose(tuple(own), list(own.values()))
+    joints = list(islice(_joints(value), MAX_JOINTS + 1))
+    names = tuple(name for name, _ in joints)
+    if 5 < len(set(names)) == len(names) <= MAX_JOINTS and is_person(names):
+        return _Pose(names, [point for _, point in joints])
     if not isinstance(value, list) or len(value) < min(_SIZES):
         return None
     if all(_is_number(each) for each in value):
         return _Pose(None, [[float(each)] for each in value]) if _point_sizes(len(value)) else None
     found = [_point(each) for each in value]
     points = [point for point in found if point is not None]
-    if len(points) < len(value):
-        return None
-    names = tuple(
-        next((str(each[key]) for key in ("name", "part", "keypoint", "type") if key in each), "")
-        for each in value
-        if isinstance(each, dict)
-    )
-    if names and all(names) and is_person(names):
-        return _Pose(names, points)
-    return _Pose(None, points) if len(points) in _SIZES else None
+    return _Pose(None, points) if len(points) == len(value) in _SIZES else None
+
+
+def _joints(value: Any) -> Iterator[tuple[str, list[float]]]:
+    """Yield the points with names in a value, at any depth."""
+    if isinstance(value, dict):
+        name = next((each for key, each in value.items() if isinstance(each, str) and _NAME.search(key)), "")
+        if name and (point := _point(value)) is not None:
+            yield name, point
+    for each in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
+        yield from _joints(each)
 
 
 def _point(value: Any) -> list[float] | None:

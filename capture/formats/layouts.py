@@ -27,10 +27,13 @@ JOINT_SETS: dict[str, tuple[str, ...]] = {
 """Names of the joints of each set."""
 
 HOLISTIC = {
-    f"mediapipe_{33 + count}": (*JOINT_SETS["mediapipe"], *(f"_{index}" for index in range(count)))
-    for count in (2 * 21, 468, 478, 468 + 2 * 21, 478 + 2 * 21)
+    f"{name}_{len(JOINT_SETS[name]) + count}": (*JOINT_SETS[name], *(f"_{index}" for index in range(count)))
+    for name, faces in (("mediapipe", (0, 468, 478)), ("body_25", (0, 70)))
+    for face in faces
+    for count in {face, face + 2 * 21} - {0}
 }
-"""MediaPipe's pose, before the landmarks of hands or face, which no recording has in rows of their own."""
+"""Poses of MediaPipe and OpenPose, before the landmarks of hands or face, which no recording has in rows of their own.
+"""
 JOINT_SETS |= HOLISTIC
 
 _NAMES = {"spine_base": "hip_center", "pelvis": "hip_center", "spine_mid": "spine", "spine_navel": "spine"}

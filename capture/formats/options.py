@@ -23,6 +23,8 @@ class ReadOptions:
         A TOML file that names the columns of a table: ``Head = ["HX", "HY", "HZ"]``, ``time = "t"``.
     as_person : bool
         Whether a skeleton with four legs is read as a person's.
+    animals : bool
+        Whether a skeleton with four legs is read as an animal's, whose forelegs are arms; otherwise it is an error.
     """
 
     fps: float | None = None
@@ -31,3 +33,4 @@ class ReadOptions:
     joints: str | None = None
     columns: Path | None = None
     as_person: bool = False
+    animals: bool = False

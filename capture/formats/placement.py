@@ -68,10 +68,11 @@ MAX_RISE = 1.0
 MIN_MOTION = 0.05
 """Motion of a joint along an axis below which the heights along this axis tell nothing, in statures."""
 
-MIN_AGREEMENT, MIN_AGREEMENT_IN_VIEW = 0.3, 1.0
+MIN_AGREEMENT, FACING_AGREEMENT = 0.3, (0.4, 0.8)
 """How clearly faces, feet, knees and elbows must point backwards if coordinates are left-handed, of about 3.
 
-The second value is for a performer who faces a sensor if the coordinates are right-handed.
+It is more by the second value if the performer faces a sensor in right-handed coordinates, and less by the third if
+only in left-handed ones.
 """
 
 _HEIGHT = ("head", "shoulder_center", "spine", "knee_right", "ankle_right")
@@ -178,13 +179,14 @@ def place(
     across = _across(points)
     notes: tuple[str, ...] = (size.note, up_note)
     ahead = np.cross(up, across - np.outer(across @ up, up))
-    in_view = by_sensor and _in_view(points, unit * _sensor_axes(up, 1.0), ahead)
+    facing = {sign: by_sensor and _in_view(points, unit * _sensor_axes(up, sign), sign * ahead) for sign in (1.0, -1.0)}
+    more, less = FACING_AGREEMENT
+    needed = MIN_AGREEMENT + (more if facing[1.0] else -less if facing[-1.0] else 0.0)
     handed = 1.0
-    if _front_agreement(points, front, across) < -(MIN_AGREEMENT_IN_VIEW if in_view else MIN_AGREEMENT):
+    if _front_agreement(points, front, across) < -needed:
         handed = -1.0
-        in_view = by_sensor and _in_view(points, unit * _sensor_axes(up, -1.0), -ahead)
         notes = (*notes, "The sides and the front of the performer fit left-handed axes; they are mirrored.")
-    if in_view:
+    if facing[handed]:
         return Placement(_sensor_axes(up, handed), unit, np.zeros(3), np.zeros(3), notes)
     usable = np.isfinite(across).all(axis=1) & np.isfinite(points[:, JOINT_INDEX["hip_center"]]).all(axis=1)
     first = int(usable.argmax())

@@ -265,13 +265,15 @@ def _fill(points: Floats, sure: NDArray[np.float32], sources: dict[str, tuple[in
 
 
 def _front(known: Floats, landmarks: dict[str, list[int]], sources: dict[str, tuple[int, ...]]) -> Floats:
-    """Return the sum of unit vectors (T, 3) from heels to toes and from ears to the nose; NaN if unknown."""
+    """Return the sum of unit vectors (T, 3) from heels to toes and from ears or head to the nose; NaN if unknown."""
 
     def point(name: str) -> Floats:
         indices = landmarks.get(name) or sources.get(name, ())
         return known[:, list(indices)].mean(axis=1) if indices else np.full((len(known), 3), np.nan)
 
     face = point("nose") - (point("ear_left") + point("ear_right")) / 2
+    if {"ear_left", "ear_right"} - landmarks.keys():
+        face = point("nose") - point("head")
     with np.errstate(invalid="ignore", divide="ignore"):
         ways = [face / np.linalg.norm(face, axis=1, keepdims=True)]
     for side in _SIDES:

@@ -57,7 +57,7 @@ def refuse_flat(path: Path, points: Floats) -> None:
     if len(known) and np.percentile(sizes[:, 2] / np.maximum(sizes[:, 0], 1e-12), 95) < MIN_THICKNESS:
         raise SkeletonLogError(
             path,
-            found="positions that lie in a plane: positions in a picture (2D)",
+            found="positions that lie in a plane: positions in an image (2D)",
             expected="x, y and z of a person's joints",
             fix="Use the tracker's positions in space, or the video itself.",
         )

@@ -57,8 +57,13 @@ SIDES = "left", "right"
 
 BY_SHAPE_NOTE = "The names of the joints are unknown. Their meanings follow from the shape of the skeleton."
 
+ANIMAL_NOTE = "A four-legged skeleton: the character's legs, trunk and neck point as the animal's do."
+
 FOURS_COSINE, TRUNK_COSINE, FOURS_SHARE = 0.7, 0.5, 0.9
 """On all fours, arms and legs have a cosine above, trunk and legs one below, in more than this share of the frames."""
+
+UPRIGHT_COSINE = -0.8
+"""Cosine between trunk and legs below which a skeleton stands upright at rest, as that of no animal on four legs."""
 
 REQUIRED = tuple(joint for joint in JOINTS if joint not in (*MIDPOINTS, *ENDS, "head"))
 """Joints that a body must have; the others can be placed between or beyond them."""
@@ -70,12 +75,13 @@ Points = NDArray[np.float64]
 
 
 class Body(NamedTuple):
-    """The 20 joints of a skeleton: points (T, 20, 3), NaN for lost joints; their nodes; whether names told; notes."""
+    """The 20 joints of a skeleton: points (T, 20, 3), NaN for lost ones; nodes; whether names told; notes; legs."""
 
     points: Points
     nodes: dict[str, int]
     named: bool
     notes: tuple[str, ...]
+    legs: int
 
 
 def select(
@@ -126,9 +132,10 @@ def select(
     points = np.full((len(positions[0]), len(JOINTS), 3), np.nan)
     for name, point in found.items():
         points[:, JOINT_INDEX[name]] = point
-    if not options.as_person and _is_on_all_fours(points):
-        raise _animal_error(path, 4)
-    return Body(points, chosen, named, tuple(notes))
+    legs = 2 if options.as_person or _is_upright(rest, chosen) or not _is_on_all_fours(points) else 4
+    if legs > 2 and not options.animals:
+        raise _animal_error(path, legs)
+    return Body(points, chosen, named, (*notes, *([ANIMAL_NOTE] if legs > 2 else ())), legs)
 
 
 def _choose(
@@ -150,6 +157,15 @@ def _choose(
     if any(joint not in shape.joints for joint in REQUIRED):
         raise _names_error(path, names, missing)
     return shape.joints, False
+
+
+def _is_upright(rest: Points, chosen: Mapping[str, int]) -> bool:
+    """Return whether trunk and legs point to opposite sides of the hips in the rest pose."""
+    hips, shoulders, feet = (
+        sum(rest[chosen[f"{joint}_{side}"]] for side in SIDES) for joint in ("hip", "shoulder", "ankle")
+    )
+    trunk, legs = shoulders - hips, feet - hips
+    return bool(trunk @ legs < UPRIGHT_COSINE * np.linalg.norm(trunk) * np.linalg.norm(legs))
 
 
 def _is_on_all_fours(points: Points) -> bool:

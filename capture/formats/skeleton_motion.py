@@ -147,7 +147,7 @@ def _clip(path: Path, log_format: str, times: Floats, motion: SkeletonMotion, op
     body = select(path, motion.names, motion.parents, motion.rest, motion.positions, motion.rotations, options)
     size = size_of(path, body.points, options)
     points, far_notes = without_far_frames(body.points, size.unit)
-    if not body.named and not options.as_person:
+    if not body.named and not options.as_person and body.legs == 2:
         refuse_other_bodies(path, points)
     confidence = np.where(np.isnan(points[..., 0]), LOST, TRACKED).astype(np.float32)
     first = resting_frames(times, size.unit * points, confidence)
@@ -163,6 +163,7 @@ def _clip(path: Path, log_format: str, times: Floats, motion: SkeletonMotion, op
     clip = build_clip(
         path, log_format, times[moving], positions[moving], confidence[moving], notes, orientations[moving]
     )
+    clip = replace(clip, legs=body.legs)
     if first == 0:
         return clip
     rest_note = "The recording begins with a rest pose elsewhere, which is omitted and serves as the calibration pose."

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
 from capture.formats._cells import number
-from capture.formats._columns import TABLE
+from capture.formats._columns import TABLE, without_prefix
 from capture.formats._rows import read_lines, whole_lines
 from capture.formats._table import EXPORT, UNNAMED, Layout, Table
 from capture.formats.clips import DEFAULT_FPS, MAX_JOINTS, frame_rate
@@ -194,6 +194,7 @@ def _performer(table: Table, layout: Layout, rows: Rows) -> Performer:
             performer = performer._replace(
                 names=own if is_named else [str(index) for index in range(len(performer.names))]
             )
+    performer = performer._replace(names=without_prefix(performer.names))
     if all(name.isdecimal() for name in performer.names):
         performer = _numbered(table, performer)
     times, notes = _times(table, layout, rows)

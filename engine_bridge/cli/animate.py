@@ -53,7 +53,7 @@ def animate(
     body = {name: choices.pop(name) for name in new.BODY}
     settings = conversion.settings(**choices)
     with progress() as report:
-        timeline, notes = load_timeline(recording, settings)
+        timeline, notes = load_timeline(recording, settings, animals=True)
         report("Preparing the character", 0.0)
         proposed = proposal.new_puppet(mesh, puppet_out or output, **body)
         if puppet_out is not None:

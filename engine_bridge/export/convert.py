@@ -133,7 +133,7 @@ def convert(
         Before anything is written.
     """
     check_writable(output, ".glb", inputs=(log, puppet))
-    timeline, notes = load_timeline(log, settings)
+    timeline, notes = load_timeline(log, settings, animals=True)
     progress("Preparing the character", 0.0)
     rig = load_rig(puppet)
     check_writable(output, ".glb", inputs=(Path(rig.character.document.name),))

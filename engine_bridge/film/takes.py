@@ -157,7 +157,7 @@ def solve_take(rig: Rig, log: Path, settings: Settings, progress: Callable[[floa
     ------
     PuppetlineError
     """
-    clips = read_recording(log, settings.log)
+    clips = read_recording(log, replace(settings.log, animals=True))
     timeline, notes = timeline_of(clips, log, settings)
     motion = solve(rig, timeline, settings, progress)
     sound = sound_of(choose(clips, settings.user)[0], log)

@@ -16,6 +16,7 @@ from capture.clip import SkeletonClip
 from capture.sensors.recorded_video import read_recording
 from capture.skeleton import JOINTS, LOST
 from capture.timeline import Timeline, choose, resample
+from engine_bridge.performance.animals import of_animal
 from engine_bridge.performance.calibration import TakeCalibration, of_performer
 from engine_bridge.performance.channels import with_voice
 from engine_bridge.performance.character_motion import CharacterMotion
@@ -85,8 +86,8 @@ class Clip:
     notes: tuple[str, ...]
 
 
-def load_timeline(log: Path, settings: Settings) -> tuple[Timeline, tuple[str, ...]]:
-    """Read a recording and resample the chosen performer to an even frame rate.
+def load_timeline(log: Path, settings: Settings, *, animals: bool = False) -> tuple[Timeline, tuple[str, ...]]:
+    """Read a recording, of a person or perhaps an animal, and resample the chosen performer to an even frame rate.
 
     Returns
     -------
@@ -98,7 +99,7 @@ def load_timeline(log: Path, settings: Settings) -> tuple[Timeline, tuple[str, .
     ------
     SkeletonLogError
     """
-    return timeline_of(read_recording(log, settings.log), log, settings)
+    return timeline_of(read_recording(log, replace(settings.log, animals=animals)), log, settings)
 
 
 def timeline_of(clips: list[SkeletonClip], log: Path, settings: Settings) -> tuple[Timeline, tuple[str, ...]]:
@@ -211,6 +212,8 @@ def reference_pose(puppet: Puppet, timeline: Timeline, settings: Settings) -> ND
 def poses(rig: Rig, timeline: Timeline, settings: Settings) -> Iterator[Pose]:
     """Yield the poses of a character for the frames of a timeline, with the calibrations of the take."""
     take = timeline if isinstance(timeline, TakeTimeline) else None
+    if timeline.legs > 2:
+        rig = replace(rig, puppet=of_animal(rig.puppet))
     rest = reference_pose(rig.puppet, timeline, settings)
     motion = CharacterMotion(rig, rest, mirror=None if take is None else take.mirror)
     for number in range(len(timeline.positions)):

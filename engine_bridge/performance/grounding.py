@@ -73,20 +73,26 @@ def stands(puppet: Puppet) -> bool:
 
 
 def legs_of(puppet: Puppet) -> tuple[Leg, ...]:
-    """Return the two legs whose feet are held on the floor; none for other characters or with free feet."""
+    """Return the two legs, of an animal's four, whose feet are held on the floor; none for others or with free feet."""
     if puppet.root is None or puppet.root.feet == "free":
         return ()
-    legs = [leg for side in SIDES if (leg := _leg(puppet, side)) is not None]
-    return tuple(legs) if len(legs) == 2 else ()
+    chains = (("hip", "knee", "ankle"), ("shoulder", "elbow", "wrist"))[: 2 if _is_on_all_fours(puppet) else 1]
+    legs = [leg for chain in chains for side in SIDES if (leg := _leg(puppet, side, *chain)) is not None]
+    return tuple(legs) if len(legs) == 2 * len(chains) else ()
 
 
-def _leg(puppet: Puppet, side: str) -> Leg | None:
+def _is_on_all_fours(puppet: Puppet) -> bool:
+    """Return whether legs stand that point as an animal's do (`engine_bridge.performance.animals`), and do not step."""
+    return any(limb.stands and limb.follow == "direction" for limb in puppet.limb)
+
+
+def _leg(puppet: Puppet, side: str, *joints: str) -> Leg | None:
     """Return the bones that follow the directions of a performer's thigh and shin, and the bone after them."""
-    found = chain_of(puppet, side, "hip", "knee", "ankle")
+    found = chain_of(puppet, side, *joints)
     if found is None:
         return None
     thigh, last, _ = found
-    return Leg(thigh, thigh + 1, thigh + 2 if last > thigh + 1 else -1, JOINT_INDEX[f"ankle_{side}"])
+    return Leg(thigh, thigh + 1, thigh + 2 if last > thigh + 1 else -1, JOINT_INDEX[f"{joints[-1]}_{side}"])
 
 
 def _pelvis_of(puppet: Puppet) -> int | None:
@@ -107,7 +113,7 @@ def steps_of(puppet: Puppet, bones: Bones, rest: NDArray[np.float64]) -> Steps |
         Performer's calibration pose, NaN for unknown joints.
     """
     legs, trunk = _legs_and_trunk(puppet)
-    if not legs or puppet.root is None or puppet.root.feet == "free":
+    if not legs or puppet.root is None or puppet.root.feet == "free" or _is_on_all_fours(puppet):
         return None
     performer = _performers_legs(rest)
     basis = puppet.character.basis

@@ -57,7 +57,7 @@ def write_clip(
     """
     name = name_from_stem(puppet.stem) if name is None else _checked(name)
     check_writable(output, ".clip", inputs=(log, puppet))
-    timeline, notes = load_timeline(log, settings)
+    timeline, notes = load_timeline(log, settings, animals=True)
     progress("Preparing the character", 0.0)
     rig = load_rig(puppet)
     character = StreamedCharacter.of(name, rig)

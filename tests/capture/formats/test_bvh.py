@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from capture.formats import bvh, bvh_parser
 from capture.formats.options import ReadOptions
 from capture.skeleton import JOINT_INDEX, PARENTS
+from capture.timeline import resample
 from puppetline.errors import SkeletonLogError
 
 from .bvh_files import (
@@ -320,3 +321,78 @@ def test_the_toes_of_a_body_that_kneels_do_not_tell_its_front(tmp_path):
     (clip,) = clips_of(body_file(tmp_path, rows))
     assert not any("left-handed" in note for note in clip.notes)
     assert clip.positions[0, JOINT_INDEX["ankle_left"], 2] > clip.positions[0, JOINT_INDEX["knee_left"], 2] + 0.3
+
+
+def test_a_person_who_sits_and_reaches_forward_is_no_animal(tmp_path):
+    rows = np.zeros((3, 3 + 3 * JOINT_COUNT))
+    names = [line.split()[1] for line in hierarchy(BODY) if line.split()[0] in ("ROOT", "JOINT")]
+    for name in ("LeftArm", "RightArm", "LeftUpLeg", "RightUpLeg"):
+        rows[:, 3 + 3 * names.index(name) + 2] = -90  # degrees about x: hanging limbs point forward
+    [clip] = bvh.read(body_file(tmp_path, rows), ReadOptions())
+    for joint in ("wrist_left", "wrist_right", "ankle_left", "ankle_right"):
+        root = joint.replace("wrist", "shoulder").replace("ankle", "hip")
+        way = clip.positions[:, JOINT_INDEX[joint]] - clip.positions[:, JOINT_INDEX[root]]
+        np.testing.assert_allclose(way / np.linalg.norm(way, axis=1, keepdims=True), [[0, 0, -1]] * 3, atol=1e-6)
+
+
+def test_frames_whose_numbers_are_not_known_are_omitted(tmp_path):
+    rows = random_rows(6)
+    [whole] = bvh.read(body_file(tmp_path, rows), ReadOptions())
+    rows[2, 4] = np.nan
+    [clip] = bvh.read(body_file(tmp_path, rows), ReadOptions())
+    kept = [0, 1, 3, 4, 5]
+    assert_allclose(clip.times, whole.times[kept])
+    assert_allclose(clip.positions, whole.positions[kept], atol=1e-9)
+    assert "In 1 of 6 frames, numbers are not known. These are omitted." in clip.notes
+    rows[:] = np.nan
+    with pytest.raises(SkeletonLogError, match="no frame whose numbers are all known"):
+        bvh.read(body_file(tmp_path, rows), ReadOptions())
+
+
+def test_ends_of_joints_with_positions_only_are_nowhere(tmp_path):
+    """As in files that some converters of positions write: each joint hangs on the hips, with the same end."""
+    rows = random_rows(5)
+    nodes, motion_rows, *_ = bvh_parser.parse(body_file(tmp_path, rows))
+    moving = bvh.motion_of(nodes, motion_rows)
+    named = [at for at, name in enumerate(moving.names) if name and "Toe" not in name]
+    lines = ["HIERARCHY", "ROOT Hips", "{", "OFFSET 0 0 0", f"CHANNELS 6 {' '.join((*POSITIONS, *ROTATIONS))}"]
+    columns = [moving.positions[0], np.zeros((5, 3))]
+    for at in named[1:]:
+        lines += [f"JOINT {moving.names[at]}", "{", "OFFSET 0 0 0", f"CHANNELS 3 {' '.join(POSITIONS)}"]
+        lines += ["End Site", "{", "OFFSET 0 10 0", "}", "}"]
+        columns.append(moving.positions[at] - moving.positions[0])
+    lines += ["}", *motion(np.concatenate(columns, axis=1))]
+    [clip] = bvh.read(write(tmp_path, lines), ReadOptions())
+    [whole] = bvh.read(body_file(tmp_path, rows), ReadOptions())
+    assert np.isnan(clip.positions[:, JOINT_INDEX["foot_left"]]).all()
+    for joint in RIGID:
+        tip, root = JOINT_INDEX[joint], JOINT_INDEX[PARENTS[joint]]
+        assert_allclose(*(each.positions[:, tip] - each.positions[:, root] for each in (clip, whole)), atol=1e-6)
+
+
+def animal_leg(name, x, z):
+    side = "Left" if x > 0 else "Right"
+    joints = {"Hind": ("UpLeg", "Leg", "Foot", "ToeBase"), "Front": ("Arm", "ForeArm", "Hand", "HandIndex1")}[name]
+    tree = ("", (0, 0, 4), [])
+    for joint, offset in zip(joints[::-1], ((0, -6, 5), (0, -25, 0), (0, -25, 0), (x, -5, z)), strict=True):
+        tree = (f"{side}{joint}", offset, [tree])
+    return tree
+
+
+ANIMAL = ("Hips", (0, 0, 0), [
+    ("Spine", (0, 0, 20), [("Neck", (0, 5, 45), [("Head", (0, 20, 15), [("", (0, 0, 20), [])])]),
+                           animal_leg("Front", 9, 35), animal_leg("Front", -9, 35)]),
+    animal_leg("Hind", 9, 0), animal_leg("Hind", -9, 0),
+])  # fmt: skip
+
+
+def test_a_four_legged_skeleton_is_an_animal_if_one_is_asked_for(tmp_path):
+    joints = sum(line.split()[0] in ("ROOT", "JOINT") for line in hierarchy(ANIMAL))
+    path = write(tmp_path, ["HIERARCHY", *hierarchy(ANIMAL), *motion(np.zeros((3, 3 + 3 * joints)))])
+    with pytest.raises(SkeletonLogError, match="a four-legged skeleton: no performer"):
+        bvh.read(path, ReadOptions())
+    [clip] = bvh.read(path, ReadOptions(animals=True))
+    [person] = bvh.read(path, ReadOptions(as_person=True, animals=True))
+    assert (clip.legs, person.legs, resample(clip).legs) == (4, 2, 4)
+    assert_allclose(clip.positions, person.positions)
+    assert any("four-legged" in note for note in clip.notes)

@@ -39,7 +39,7 @@ ZEROS = ["0"] * (3 + 3 * JOINT_COUNT)
         (broken(MOTION + 2, "0 0 0"), MOTION + 2),
         (broken(MOTION + 4, " ".join(ZEROS[1:])), MOTION + 4),
         ([*GOOD, "0 0 0"], len(GOOD) + 1),
-        (broken(MOTION + 4, " ".join(["nan", *ZEROS[1:]])), MOTION + 4),
+        (broken(MOTION + 4, " ".join(["zero", *ZEROS[1:]])), MOTION + 4),
         (broken(MOTION + 4, " ".join(["0", "1e300", *ZEROS[2:]])), MOTION + 4),
         (broken(MOTION + 1), MOTION),
         (broken(MOTION + 3), MOTION + 2),  # no frame

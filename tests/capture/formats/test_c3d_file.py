@@ -10,9 +10,11 @@ from .test_markers import AXES, body, trc
 c3d = pytest.importorskip("c3d")
 
 
-def write(path, frames=4):
-    """Write the markers of a body with the library itself, as a laboratory has them: millimetres, z up."""
-    at = body()
+def write(path, frames=4, namespaces=("",)):
+    """Write the markers of bodies with the library itself, as a laboratory has them: millimetres, z up, 1 m apart."""
+    at = {
+        space + name: np.add(place, [0, 0, k]) for k, space in enumerate(namespaces) for name, place in body().items()
+    }
     writer = c3d.Writer(point_rate=100)
     writer.set_point_labels([f"{name:8}" for name in at])
     for frame in range(frames):
@@ -51,3 +53,36 @@ def test_scales_may_be_integers(tmp_path):
     (tmp_path / "b.c3d").write_bytes(content)
     (clip,) = read_log(tmp_path / "b.c3d", ReadOptions())
     np.testing.assert_array_equal(clip.positions, expected[0].positions)
+
+
+def test_namespaces_are_performers(tmp_path):
+    [alone] = read_log(write(tmp_path / "a.c3d"), ReadOptions())
+    clips = read_log(write(tmp_path / "b.c3d", namespaces=("A:", "B:")), ReadOptions())
+    assert [clip.user for clip in clips] == [0, 1]
+    for clip in clips:
+        np.testing.assert_allclose(clip.positions, alone.positions, atol=1e-3)
+
+
+def test_numbers_of_frames_may_be_a_table_of_one_row(tmp_path):
+    content = bytearray(write(tmp_path / "a.c3d").read_bytes())
+    expected = read_log(tmp_path / "a.c3d", ReadOptions())
+    start = content.index(b"POINT") - 2
+    own = b"\x05\xfbTRIAL" + b"\x03\0\0"
+    field = b"\x12\x05ACTUAL_START_FIELD" + b"\x0b\0" + b"\x02\x02\x01\x02" + b"\1\0\0\0" + b"\0"
+    del content[(end := _end_of_parameters(content, start)) : end + len(own + field)]
+    content[start:start] = own + field
+    (tmp_path / "b.c3d").write_bytes(content)
+    [clip] = read_log(tmp_path / "b.c3d", ReadOptions())
+    np.testing.assert_array_equal(clip.positions, expected[0].positions)
+
+
+def _end_of_parameters(content, start):
+    """Return where the last parameter ends; each has the distance to the next one after its name."""
+    at = start
+    while (length := abs(int.from_bytes(content[at : at + 1], "little", signed=True))) > 0:
+        after = at + 2 + length
+        step = int.from_bytes(content[after : after + 2], "little")
+        if not step:
+            break
+        at = after + step
+    return at

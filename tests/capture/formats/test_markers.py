@@ -176,3 +176,29 @@ def test_sides_of_markers_may_have_two_letters(tmp_path):
     at = {f"{name[0]}t{name[1:]}": place for name, place in body().items() if name[0] in "LR"}
     (clip,) = read_log(trc(tmp_path / "a.trc", at), ReadOptions())
     assert np.isfinite(clip.positions[:, JOINT_INDEX["elbow_left"]]).all()
+
+
+def test_a_letter_tells_where_around_a_joint_a_marker_is(tmp_path):
+    around = {"SHO": ("FSH", "BSH"), "ELB": ("ELB", "IEL"), "WRA": ("OWR", "IWR"), "KNE": ("KNE", "KNI")}
+    at = body()
+    for side in "LR":
+        for joint, names in around.items():
+            middle = at.pop(f"{side}{joint}")
+            for name, depth in zip(names, (0.04, -0.04), strict=True):
+                at[f"{side}{name}"] = np.add(middle, [0, 0, depth])
+        at |= {f"{side}KNI": at[f"{side}KNI"] + at.pop(f"{side}.Knee.Med") - at[f"{side}KNE"]}
+        at.pop(f"{side}WRB")
+    (clip,), (other,) = (read_log(trc(tmp_path / f"{len(own)}.trc", own), ReadOptions()) for own in (at, body()))
+    arms = [JOINT_INDEX[f"{joint}_{side}"] for joint in ("shoulder", "elbow") for side in ("left", "right")]
+    bones = clip.positions[:, arms[2:]] - clip.positions[:, arms[:2]]
+    np.testing.assert_allclose(bones, other.positions[:, arms[2:]] - other.positions[:, arms[:2]], atol=1e-6)
+
+
+def test_markers_on_shanks_are_at_no_shoulder(tmp_path):
+    at = body()
+    expected = read_log(trc(tmp_path / "a.trc", at), ReadOptions())[0].positions
+    for side, letter in (("left", "L"), ("right", "R")):
+        middle = np.add(STANDING[f"knee_{side}"], STANDING[f"ankle_{side}"]) / 2
+        at |= {f"{letter}_sh{k}": np.add(middle, [0, 0.01 * k, 0]) for k in (2, 3)} | {f"{letter}SHN": middle}
+    [clip] = read_log(trc(tmp_path / "b.trc", at), ReadOptions())
+    np.testing.assert_array_equal(clip.positions, expected)

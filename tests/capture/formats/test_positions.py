@@ -152,6 +152,31 @@ def test_positions_of_a_sensor_stay_where_they_are_in_any_order_of_the_joints():
     np.testing.assert_allclose(azure.positions, poses, atol=1e-12)
 
 
+STRAIGHT = [JOINTS.index(joint) for joint in JOINTS if "foot" not in joint and joint != "spine"]
+
+
+@pytest.mark.parametrize("toward", [-1, 1])
+def test_left_handed_axes_without_feet_follow_from_a_performer_who_faces_the_sensor(toward):
+    poses = person()[:, STRAIGHT]
+    hips = poses[:, [JOINTS.index("hip_center")]]
+    almost = np.where(np.arange(3) == 2, hips + 0.3 * (poses - hips), poses)  # limbs that hardly bend
+    clip = clip_of_positions(PATH, "table", [JOINTS[at] for at in STRAIGHT], almost * [toward, 1, 1], OPTIONS)
+    np.testing.assert_allclose(clip.positions[:, STRAIGHT], almost, atol=1e-9)
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_nose_before_the_head_tells_the_front(side):
+    poses = person()[:, STRAIGHT]
+    names = ["nose", *(JOINTS[at] for at in STRAIGHT)]
+    backwards = np.where(np.arange(3) == 2, poses[:, [0]] - 0.2 * (poses - poses[:, [0]]), poses)  # bent a little
+    nose = backwards[:, [JOINTS.index("head")]] + [0, -0.02, -0.1]
+    points = np.concatenate([nose, backwards], axis=1) * [side, 1, 1]
+    clip = clip_of_positions(PATH, "table", names, points[..., [0, 2, 1]] * [1, -1, 1], OPTIONS)
+    across = clip.positions[:, JOINT_INDEX["hip_right"]] - clip.positions[:, JOINT_INDEX["hip_left"]]
+    assert (across[:, 0] > 0).all()
+    assert ("left-handed" in " ".join(clip.notes)) == (side < 0)
+
+
 def joints_as(names):
     """Return the person's positions under the names of another skeleton; others are near the joint that they follow."""
     poses, at = person(), {}
@@ -278,7 +303,7 @@ def test_a_score_or_a_copy_is_no_depth(depth):
     points = joints_as(BLAZEPOSE) * 200.0
     score = depth + np.random.default_rng(0).uniform(-0.05, 0.05, points.shape[:2])
     points[..., 2] = points[..., 0] if np.isnan(depth) else score
-    with pytest.raises(SkeletonLogError, match="positions in a picture"):
+    with pytest.raises(SkeletonLogError, match="positions in an image"):
         clip_of_positions(PATH, "table", BLAZEPOSE, points, OPTIONS)
 
 

@@ -10,6 +10,7 @@ from capture.formats._cells import vector
 from capture.formats.layouts import JOINT_SETS
 from capture.formats.options import ReadOptions
 from capture.skeleton import JOINT_INDEX, JOINTS
+from puppetline.errors import SkeletonLogError
 
 from ...effort import EFFORT
 from .random_tables import judge
@@ -363,3 +364,35 @@ def test_landmarks_of_a_face_may_follow_the_pose(read):
     [clip] = read(table, [header, *lines])
     arms = [JOINT_INDEX[f"{joint}_{side}"] for joint in LIMBS for side in ("left", "right")]
     np.testing.assert_allclose(clip.positions[:, arms], person()[:, arms], atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "Joint {k}: Position({x}, {y}, {z}), Orientation(1.5, 0, 0, 0.5), Confidence: 2",
+        "{name} - X = {x} | Y = {y} | Z = {z}",
+        "{name} at [{x} {y} {z}] state Tracked",
+    ],
+)
+def test_sentences_with_words_before_numbers_are_rows(read, sentence):
+    lines = []
+    for frame, pose in enumerate(POSES):
+        lines += [f"frame {frame} begins"]
+        for k, (name, point) in enumerate(zip(JOINTS, pose, strict=True)):
+            x, y, z = (f"{value:.7f}" for value in point)
+            lines += [sentence.format(k=k, name=name.title().replace("_", ""), x=x, y=y, z=z)]
+    [clip] = read(table, lines)
+    np.testing.assert_allclose(clip.positions, POSES, atol=1e-6)
+
+
+def test_text_without_words_before_its_numbers_is_no_table(read):
+    with pytest.raises(SkeletonLogError, match="text without rows of numbers"):
+        read(table, ["one line of words", "and 12 another", "and a third"])
+
+
+@pytest.mark.parametrize("word", ["Landmark_", "kp", "joint "])
+def test_numbers_of_joints_may_follow_a_word_in_each_row(read, word):
+    rows = [f"up,{word}{k},{x},{y},{z}" for pose in joints_as(BLAZEPOSE) for k, (x, y, z) in enumerate(pose)]
+    [clip] = read(table, ["Pose,Landmark,X,Y,Z", *rows])
+    arms = [JOINT_INDEX[f"{joint}_{side}"] for joint in ("elbow", "wrist", "knee") for side in ("left", "right")]
+    np.testing.assert_allclose(clip.positions[:, arms], person()[:, arms], atol=1e-9)

@@ -1,0 +1,83 @@
+"""A character on four legs takes over the motion of an animal joint by joint."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from capture.skeleton import JOINT_INDEX, JOINTS, OPPOSITE
+from capture.timeline import Timeline
+from engine_bridge.performance.animals import of_animal
+from engine_bridge.performance.clip import poses
+from engine_bridge.performance.grounding import legs_of
+from engine_bridge.performance.settings import Settings
+from puppetline.errors import SkeletonLogError
+from solver.motion.limb_motion import LimbMotion
+from solver.motion.limbs import Performer, bones_of
+
+from .test_grounding import LEGS, puppet, steps
+
+TAIL = {
+    "name": "tail",
+    "points": [[0, 0.6, -0.5], [0, 0.8, -0.7]],
+    "joints": ["hip_center", "shoulder_center"],
+    "follow": "turn",
+    "gain": -0.7,
+}
+SIDES = Performer(
+    (JOINT_INDEX["hip_left"], JOINT_INDEX["hip_right"]),
+    (JOINT_INDEX["shoulder_left"], JOINT_INDEX["shoulder_right"]),
+    OPPOSITE,
+)
+
+
+def animal():
+    """Return the joints (20, 3) of an animal that looks to +z, in a stride: its left is at +x."""
+    at = {"hip_center": (0, 1, 0), "spine": (0, 1.05, 0.4), "shoulder_center": (0, 1, 0.8), "head": (0, 1.2, 1.2)}
+    for side, x, swing in (("left", 0.2, 0.3), ("right", -0.2, -0.2)):
+        for z, chain in ((0, ("hip", "knee", "ankle", "foot")), (0.8, ("shoulder", "elbow", "wrist", "hand"))):
+            forward = swing if z else -swing
+            places = ((0, 1, 0), (0, 0.5, 0.2 + forward), (0, 0.1, forward), (0, 0, 0.2 + forward))
+            at |= {f"{joint}_{side}": np.add(p, (x, 0, z)) for joint, p in zip(chain, places, strict=True)}
+    return np.array([at[joint] for joint in JOINTS], dtype=np.float64)
+
+
+def test_legs_and_trunk_point_as_the_animals_do_and_a_tail_rests_on_the_trunk():
+    made = of_animal(puppet([*LEGS, TAIL]))
+    bones, pose = bones_of(made.limbs), animal()
+    motion = LimbMotion(made.limbs, SIDES, pose)
+    moves = motion.step(0.0, pose, np.ones(20, np.float32))
+    ways = np.einsum("bi,bij->bj", bones.tails - bones.heads, np.asarray(moves)[:, :3])
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    bone = 0
+    for limb in made.limbs:
+        for tail, head in zip(limb.joints[1:], limb.joints[:-1], strict=True):
+            own = pose[tail[0]] - pose[head[0]]
+            if limb.name != "tail" and JOINTS[tail[0]].split("_")[0] not in ("foot", "hand"):  # feet are level
+                np.testing.assert_allclose(ways[bone], own / np.linalg.norm(own), atol=1e-6, err_msg=limb.name)
+            bone += 1
+    assert [limb.gain for limb in made.limbs if limb.name == "tail"] == [0]
+
+
+def test_four_feet_are_held_and_no_leg_steps(standing):
+    made = of_animal(puppet())
+    joints = [f"{joint}_{side}" for joint in ("ankle", "wrist") for side in ("left", "right")]
+    assert [leg.joint for leg in legs_of(made)] == [JOINT_INDEX[joint] for joint in joints]
+    assert [(leg.thigh, leg.shin, leg.foot) for leg in legs_of(made)] == [
+        (2, 3, 4),
+        (5, 6, 7),
+        (8, 9, 10),
+        (11, 12, 13),
+    ]
+    assert steps(made, standing) is None
+    assert steps(puppet(), standing) is not None
+
+
+def test_only_characters_on_four_legs_follow_an_animal(limbed_rig):
+    with pytest.raises(SkeletonLogError, match="four-legged skeleton, for a character on 2 legs that step"):
+        of_animal(puppet(LEGS[:2]))
+    points = np.repeat(animal()[None], 3, axis=0)
+    timeline = Timeline(30.0, points, np.ones((3, 20), np.float32), ())
+    assert len(list(poses(limbed_rig, timeline, Settings()))) == 3
+    with pytest.raises(SkeletonLogError, match="a character on no legs that step"):
+        list(poses(limbed_rig, replace(timeline, legs=4), Settings()))

@@ -305,9 +305,9 @@ class LimbBranches(LimbEnds):
 
     @cached_property
     def _wings_end(self) -> float:
-        """Distance along the trunk's curve before which wings begin: the middle of the neck of a body on four legs."""
+        """Distance along the trunk's curve before which wings begin: the head, or the neck on four legs."""
         if not self.four_legged:
-            return self.chin
+            return float(self.trunk.along[self.skull] - self.trunk.depth[self.skull])
         roots = [leg[0] for name, leg in self.legs.items() if name.endswith(self.leg_names[-1])]
         shoulders = np.linalg.norm(self.trunk.points - np.mean(roots, axis=0), axis=1).argmin()
         return float((self.trunk.along[shoulders] + self.chin) / 2)

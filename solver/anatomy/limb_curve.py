@@ -152,7 +152,7 @@ def arm_joints(
         Distances from the tips at which the hands end; objects that they hold are beyond.
     """
     tops = [leaves for leaves, _ in shoulders]
-    ends = [_end_of_hand(arm, top) for arm, top in zip(arms, tops, strict=True)]
+    ends = [_end_of_hand(arm, top, size) for arm, top in zip(arms, tops, strict=True)]
     wrists = [
         _narrowest(arm, end, top, cells, size) for arm, end, top, cells in zip(arms, ends, tops, around, strict=True)
     ]
@@ -384,12 +384,13 @@ def _between(limbs: Sequence[LimbCurve], lows: Sequence[float], highs: Sequence[
     return [high - total / weights * (high - low) for low, high in zip(lows, highs, strict=True)]
 
 
-def _end_of_hand(arm: LimbCurve, shoulder: float) -> float:
+def _end_of_hand(arm: LimbCurve, shoulder: float, size: float) -> float:
     """Return the distance from the tip at which a hand ends; beyond may be an object that is long and thin."""
     top = arm.index(shoulder)
     for place in range(top - 1, 0, -1):
         so_far = shoulder - arm.along[place]
-        thin = arm.depth[:place] < MAX_HELD_THICKNESS * np.median(arm.depth[place:top])
+        # the depth of a slender forearm is known to half a cell
+        thin = arm.depth[:place] + size / 2 < MAX_HELD_THICKNESS * np.median(arm.depth[place:top])
         if (
             so_far > 3 * arm.depth[top]
             and thin[-1]

@@ -16,7 +16,7 @@ MAX_FOOT_HEIGHT, MAX_GROUND_HEIGHT = 0.2, 0.1
 
 MAX_LEVEL_DIFFERENCE = 0.05
 """Maximum difference in height between pairs of feet that both stand on the ground, as a share of the height. Of
-several such pairs, the one that is farthest apart counts."""
+several such pairs, the inner one counts: hands may reach the ground beside the feet."""
 
 TOE_DISTANCE = 0.15
 """Two ends are toes of one foot if their curves meet below this share of the height, or if they are on one side of an
@@ -162,13 +162,16 @@ class LimbEnds:
             low.append(max(foot, key=lambda tip: self.cells[tip, 2]))  # toes rather than a heel
             sole[low[-1]] = min(self.place(tip)[1] for tip in foot)
             candidates = [tip for tip in candidates if tip not in foot]
-        left = [tip for tip in low if self.place(tip)[0] > 0]
-        right = [tip for tip in low if self.place(tip)[0] <= 0]
+        middle = self._between(low)
+        left = [tip for tip in low if self.cells[tip, 0] > middle]
+        right = [tip for tip in low if self.cells[tip, 0] <= middle]
         unlike = np.array([[self._foot_distance(a, b) for b in right] for a in left])
         rows, columns = scipy.optimize.linear_sum_assignment(unlike.reshape(len(left), len(right)))
         pairs: list[Feet] = [(left[i], right[j]) for i, j in zip(rows, columns, strict=True)]
         pairs = [pair for pair in pairs if self._foot_distance(pair[0], pair[1], stride=0.0) < MAX_MIRROR_DISTANCE]
-        pairs = [pair for pair in pairs if min(sole[tip] for tip in pair) < MAX_GROUND_HEIGHT * scale]
+        # a gun may hang below the feet of a body that stands
+        ground = 0.0 if self.lies else min((sole[tip] for pair in pairs for tip in pair), default=0.0)
+        pairs = [pair for pair in pairs if min(sole[tip] for tip in pair) < ground + MAX_GROUND_HEIGHT * scale]
         pairs.sort(key=lambda pair: sum(self.place(tip)[2] for tip in pair))
         for given in ("leg", "hind leg", "front leg"):
             if {f"left {given}", f"right {given}"} <= self.ends.keys():
@@ -181,8 +184,14 @@ class LimbEnds:
         lowest = [
             pair for pair, height in zip(pairs, heights, strict=True) if height < min(heights) + MAX_LEVEL_DIFFERENCE
         ]
-        widest = sorted(lowest, key=lambda pair: self.cells[pair[1], 0] - self.cells[pair[0], 0])[:1]
-        return self._with_single(widest, low) if self.lies or not widest else widest
+        inner = sorted(lowest, key=lambda pair: self.cells[pair[0], 0] - self.cells[pair[1], 0])[:1]
+        return self._with_single(inner, low) if self.lies or not inner else inner
+
+    def _between(self, low: Sequence[int]) -> float:
+        """Return where left feet begin: at the middle, or between the two feet of a stride on one side of it."""
+        aside = self.cells[low, 0] - self.middle
+        strides = not self.lies and len(low) == 2 and aside.prod() > 0
+        return self.middle + (float(aside.mean()) if strides else 0.0)
 
     def _with_single(self, rows: list[Feet], low: Sequence[int]) -> list[Feet]:
         """Add the foot of a single leg, such as the third leg of a dog, to one row of feet or none."""

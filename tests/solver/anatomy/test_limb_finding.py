@@ -250,6 +250,40 @@ def test_arms_in_the_body_go_straight_to_where_the_user_says():
     assert_allclose(limbs["right arm"], arm * IMAGE, atol=0.05)
 
 
+HANDS_DOWN = [((0.1, 1.42, 0.0), SHOULDER, 0.09), (SHOULDER, (0.6, 0.05, 0.0), 0.06)]
+GUN = [((0.5, 1.2, 0.15), (0.55, -0.25, 0.15), 0.05)]
+SLENDER = [(SHOULDER, (0.55, 1.43, 0.0), 0.04), ((0.55, 1.43, 0.0), (0.95, 1.4, 0.0), 0.022)]
+
+
+@pytest.mark.parametrize(
+    ("limbs", "feet", "hands"),
+    [
+        ([*BODY, SKULL, *both(*HANDS_DOWN, *LEG)], [TOES, IMAGE * TOES], [(0.6, 0.05, 0.0), (-0.6, 0.05, 0.0)]),
+        ([*FIGURE, *GUN], [TOES, IMAGE * TOES], None),
+        (
+            [
+                *BODY,
+                SKULL,
+                *both(*ARM),
+                *(((-0.1, 0.9, 0.0), (-0.05, 0.0, 0.45), 0.08), ((-0.1, 0.9, 0.0), (-0.2, 0.0, -0.4), 0.08)),
+            ],
+            [(-0.05, 0.0, 0.45), (-0.2, 0.0, -0.4)],
+            None,
+        ),
+        ([*BODY, SKULL, *both(*ARM[:1], *SLENDER, *LEG)], [TOES, IMAGE * TOES], [(0.95, 1.4, 0.0), (-0.95, 1.4, 0.0)]),
+    ],
+    ids=["hands on the ground", "a gun below the feet", "a stride beside the middle", "slender forearms"],
+)
+def test_legs_end_at_the_feet_and_arms_at_the_hands(limbs, feet, hands):
+    mesh = body_of(limbs, 0.02)
+    names = found(mesh)
+    assert list(names) == PERSON
+    height = np.ptp(mesh.vertices[:, 1])
+    for limb, ends in (("leg", feet), ("arm", hands)):
+        for side, end in zip(("left", "right"), ends or (), strict=False):
+            assert np.linalg.norm(names[f"{side} {limb}"][-1] - end) < 0.08 * height, (side, limb)
+
+
 def test_a_sword_is_left_out_of_the_arm_and_said(whole):
     point = np.add(HAND, (0.1, -0.1, 1.3))
     armed = find_limbs(body_of([*FIGURE, (HAND, tuple(point), 0.02)], 0.02), np.eye(3))

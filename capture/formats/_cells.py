@@ -279,10 +279,10 @@ def _row(text: str, separator: str | None) -> list[str]:
 
 
 def _has_numbers(row: Sequence[str]) -> bool:
-    """Return whether most of at least three known cells of a row are numbers."""
+    """Return whether most of at least three known cells of a row are numbers, or all of the few among unknown ones."""
     known = [cell for cell in row if cell.lower() not in UNKNOWN]
     good = sum(number(cell) is not None or 3 * (_parts(cell) is not None) for cell in known)
-    return good >= max(3, 0.5 * len(known)) or (len(row) >= 3 and bool(row[0]) and not known)
+    return good >= max(3, 0.5 * len(known)) or (len(row) >= 3 and bool(row[0]) and good == len(known))
 
 
 def _names(header: list[list[str]], width: int) -> list[list[str]]:

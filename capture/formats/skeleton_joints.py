@@ -53,6 +53,9 @@ ENDS = {"hand_left": "wrist_left", "hand_right": "wrist_right", "foot_left": "an
 MIN_BONE_SHARE = 0.002
 """Minimum length of a bone as a share of the skeleton's largest extent; shorter bones have no length."""
 
+MAX_END_SHARE = 0.25
+"""Largest length of a hand or foot as a share of the skeleton's extent; the end of a longer bone is an error."""
+
 SIDES = "left", "right"
 
 BY_SHAPE_NOTE = "The names of the joints are unknown. Their meanings follow from the shape of the skeleton."
@@ -119,9 +122,11 @@ def select(
         chosen = {name: ends.get(node, node) for name, node in chosen.items()}
         notes.append("Both hips are at one point. Each joint is placed at the end of the bone with its name.")
     found = {name: positions[node] for name, node in chosen.items()}
+    longest = MAX_END_SHARE * np.ptp(rest, axis=0).max()
     for name, bone in ENDS.items():
-        if name not in found and chosen[bone] in ends:
-            found[name] = positions[ends[chosen[bone]]]
+        end = ends.get(chosen[bone])
+        if name not in found and end is not None and np.linalg.norm(rest[end] - rest[chosen[bone]]) <= longest:
+            found[name] = positions[end]
     for name, (one, other) in MIDPOINTS.items():
         if name not in found:
             found[name] = (found[one] + found[other]) / 2

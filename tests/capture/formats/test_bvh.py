@@ -396,3 +396,15 @@ def test_a_four_legged_skeleton_is_an_animal_if_one_is_asked_for(tmp_path):
     assert (clip.legs, person.legs, resample(clip).legs) == (4, 2, 4)
     assert_allclose(clip.positions, person.positions)
     assert any("four-legged" in note for note in clip.notes)
+
+
+def test_an_end_far_from_its_hand_is_no_tip(tmp_path):
+    lines = ["HIERARCHY", *hierarchy(BODY), *motion(np.zeros((2, 3 + 3 * JOINT_COUNT)))]
+    hand = next(k for k, line in enumerate(lines) if line.endswith("JOINT RightHand"))
+    end = next(k for k in range(hand, len(lines)) if lines[k] == "End Site")
+    lines[end + 2] = "OFFSET 161 0 0"
+    [clip] = bvh.read(write(tmp_path, lines), ReadOptions())
+    [whole] = bvh.read(body_file(tmp_path), ReadOptions())
+    assert np.isnan(clip.positions[:, JOINT_INDEX["hand_right"]]).all()
+    others = [at for name, at in JOINT_INDEX.items() if name != "hand_right"]
+    assert_allclose(clip.positions[:, others], whole.positions[:, others], atol=1e-9)

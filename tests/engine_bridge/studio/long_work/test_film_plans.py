@@ -100,7 +100,7 @@ def test_a_bubble_is_in_the_picture_while_its_character_says_it(planned):
 
 def test_other_words_move_nobody_and_need_no_new_takes(planned, monkeypatch):
     before, _ = planned()
-    monkeypatch.setattr(film_plans, "produce", None)
+    monkeypatch.setattr("engine_bridge.film.production.produce", None)
     after, _ = planned("Hello!")
     assert before.bubbles != after.bubbles
     assert [each.places for each in before.moments] == [each.places for each in after.moments]
@@ -108,7 +108,7 @@ def test_other_words_move_nobody_and_need_no_new_takes(planned, monkeypatch):
 
 def test_a_mesh_that_was_replaced_is_measured_again(planned, limbed_puppet, monkeypatch):
     planned()
-    monkeypatch.setattr(film_plans, "produce", None)
+    monkeypatch.setattr("engine_bridge.film.production.produce", None)
     mesh = limbed_puppet.parent / puppet_file.load(limbed_puppet).character.mesh
     os.utime(mesh, ns=(0, mesh.stat().st_mtime_ns + 1))
     with pytest.raises(TypeError, match="'NoneType' object is not callable"):

@@ -62,7 +62,7 @@ BY_SHAPE_NOTE = "The names of the joints are unknown. Their meanings follow from
 
 ANIMAL_NOTE = "A four-legged skeleton: the character's legs, trunk and neck point as the animal's do."
 
-FOURS_COSINE, TRUNK_COSINE, FOURS_SHARE = 0.7, 0.5, 0.9
+FOURS_COSINE, TRUNK_COSINE, FOURS_SHARE = 0.7, 0.5, 0.6
 """On all fours, arms and legs have a cosine above, trunk and legs one below, in more than this share of the frames."""
 
 UPRIGHT_COSINE = -0.8
@@ -114,7 +114,8 @@ def select(
     SkeletonLogError
         The skeleton is no human body.
     """
-    chosen, named = _choose(path, names, parents, rest, positions, options)
+    chosen, known_legs = _choose(path, names, parents, rest, positions, options)
+    named = known_legs is None
     notes = [] if named else [BY_SHAPE_NOTE]
     ends = _ends(parents)
     hips_coincide = _coincide(positions, chosen["hip_left"], chosen["hip_right"])
@@ -137,8 +138,9 @@ def select(
     points = np.full((len(positions[0]), len(JOINTS), 3), np.nan)
     for name, point in found.items():
         points[:, JOINT_INDEX[name]] = point
-    legs = 2 if options.as_person or _is_upright(rest, chosen) or not _is_on_all_fours(points) else 4
-    if legs > 2 and not options.animals:
+    is_person = options.as_person or (named and _is_upright(rest, chosen)) or not _is_on_all_fours(points)
+    legs = 2 if is_person else 4
+    if legs > 2 and not (options.animals and known_legs in (None, legs)):  # a shape may also hide which end is the head
         raise _animal_error(path, legs)
     return Body(points, chosen, named, (*notes, *([ANIMAL_NOTE] if legs > 2 else ())), legs)
 
@@ -150,18 +152,18 @@ def _choose(
     rest: Points,
     positions: Sequence[Points],
     options: ReadOptions,
-) -> tuple[dict[str, int], bool]:
-    """Return the nodes that are joints, and whether by their names or else by the shape of the skeleton."""
+) -> tuple[dict[str, int], int | None]:
+    """Return the nodes that are joints, by their names or else by the shape of the skeleton, and then its legs."""
     chosen = _choose_nodes(names, positions)
     missing = [joint for joint in REQUIRED if joint not in chosen]
     if not missing:
-        return chosen, True
+        return chosen, None
     shape = shape_of(parents, rest, [not name for name in names])
-    if shape.legs > 2 and not options.as_person:
+    if shape.legs > 4 or (shape.legs == 4 and not (options.as_person or options.animals)):
         raise _animal_error(path, shape.legs)
     if any(joint not in shape.joints for joint in REQUIRED):
         raise _names_error(path, names, missing)
-    return shape.joints, False
+    return shape.joints, shape.legs
 
 
 def _is_upright(rest: Points, chosen: Mapping[str, int]) -> bool:
@@ -174,7 +176,7 @@ def _is_upright(rest: Points, chosen: Mapping[str, int]) -> bool:
 
 
 def _is_on_all_fours(points: Points) -> bool:
-    """Return whether arms point as legs do, and the trunk across both, in nearly all frames of points (T, 20, 3)."""
+    """Return whether arms point as legs do, and the trunk across both, in most frames of points (T, 20, 3)."""
     leg, arm = (
         sum(points[:, JOINT_INDEX[f"{tip}_{side}"]] - points[:, JOINT_INDEX[f"{root}_{side}"]] for side in SIDES)
         for root, tip in (("hip", "ankle"), ("shoulder", "wrist"))

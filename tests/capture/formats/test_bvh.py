@@ -25,6 +25,7 @@ from .bvh_files import (
     write,
 )
 
+RIGID_JOINTS = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
 RIGID = [name for name in PARENTS if name.split("_")[0] in ("knee", "ankle", "elbow", "wrist")]
 
 # Sensor coordinates of the body in its rest pose: it faces the sensor, with the hips at (0, 0, 2.5).
@@ -408,3 +409,20 @@ def test_an_end_far_from_its_hand_is_no_tip(tmp_path):
     assert np.isnan(clip.positions[:, JOINT_INDEX["hand_right"]]).all()
     others = [at for name, at in JOINT_INDEX.items() if name != "hand_right"]
     assert_allclose(clip.positions[:, others], whole.positions[:, others], atol=1e-9)
+
+
+def test_animals_whose_joints_have_other_names_are_known_by_their_shape(tmp_path):
+    rows = np.zeros((4, 3 + 3 * sum(line.split()[0] in ("ROOT", "JOINT") for line in hierarchy(ANIMAL))))
+    rows[:, 3:] = np.random.default_rng(1).uniform(-12, 12, rows[:, 3:].shape)
+    lines = hierarchy(ANIMAL)
+    [named] = bvh.read(write(tmp_path, ["HIERARCHY", *lines, *motion(rows)]), ReadOptions(animals=True))
+    numbered = [
+        f"{line.split()[0]} b{k}" if line.split()[0] in ("ROOT", "JOINT") else line for k, line in enumerate(lines)
+    ]
+    path = write(tmp_path, ["HIERARCHY", *numbered, *motion(rows)], "numbered.bvh")
+    with pytest.raises(SkeletonLogError, match="a four-legged skeleton: no performer"):
+        bvh.read(path, ReadOptions())
+    [clip] = bvh.read(path, ReadOptions(animals=True))
+    assert clip.legs == 4
+    limbs = [JOINT_INDEX[f"{joint}_{side}"] for joint in RIGID_JOINTS for side in ("left", "right")]
+    assert_allclose(clip.positions[:, limbs], named.positions[:, limbs], atol=1e-9)

@@ -62,8 +62,11 @@ BY_SHAPE_NOTE = "The names of the joints are unknown. Their meanings follow from
 
 ANIMAL_NOTE = "A four-legged skeleton: the character's legs, trunk and neck point as the animal's do."
 
-FOURS_COSINE, TRUNK_COSINE, FOURS_SHARE = 0.7, 0.5, 0.6
-"""On all fours, arms and legs have a cosine above, trunk and legs one below, in more than this share of the frames."""
+FOURS_COSINE, TRUNK_COSINE, FOURS_SHARES = 0.7, 0.5, (0.2, 0.6)
+"""On all fours, arms and legs have a cosine above, trunk and legs one below, in more than this share of the frames.
+
+The second share is for skeletons that are labelled by their shape: dogs sit and jump, but people crawl, too.
+"""
 
 UPRIGHT_COSINE = -0.8
 """Cosine between trunk and legs below which a skeleton stands upright at rest, as that of no animal on four legs."""
@@ -138,7 +141,7 @@ def select(
     points = np.full((len(positions[0]), len(JOINTS), 3), np.nan)
     for name, point in found.items():
         points[:, JOINT_INDEX[name]] = point
-    is_person = options.as_person or (named and _is_upright(rest, chosen)) or not _is_on_all_fours(points)
+    is_person = options.as_person or (named and _is_upright(rest, chosen)) or not _is_on_all_fours(points, named)
     legs = 2 if is_person else 4
     if legs > 2 and not (options.animals and known_legs in (None, legs)):  # a shape may also hide which end is the head
         raise _animal_error(path, legs)
@@ -175,8 +178,8 @@ def _is_upright(rest: Points, chosen: Mapping[str, int]) -> bool:
     return bool(trunk @ legs < UPRIGHT_COSINE * np.linalg.norm(trunk) * np.linalg.norm(legs))
 
 
-def _is_on_all_fours(points: Points) -> bool:
-    """Return whether arms point as legs do, and the trunk across both, in most frames of points (T, 20, 3)."""
+def _is_on_all_fours(points: Points, named: bool) -> bool:
+    """Return whether arms point as legs do, and the trunk across both, in enough frames of points (T, 20, 3)."""
     leg, arm = (
         sum(points[:, JOINT_INDEX[f"{tip}_{side}"]] - points[:, JOINT_INDEX[f"{root}_{side}"]] for side in SIDES)
         for root, tip in (("hip", "ankle"), ("shoulder", "wrist"))
@@ -185,7 +188,7 @@ def _is_on_all_fours(points: Points) -> bool:
     with np.errstate(invalid="ignore", divide="ignore"):
         leg, arm, trunk = (way / np.linalg.norm(way, axis=1, keepdims=True) for way in (leg, arm, trunk))
         alike, across = np.einsum("ti,ti->t", leg, arm), np.abs(np.einsum("ti,ti->t", trunk, leg))
-    return bool(np.mean((alike > FOURS_COSINE) & (across < TRUNK_COSINE)) > FOURS_SHARE)
+    return bool(np.mean((alike > FOURS_COSINE) & (across < TRUNK_COSINE)) > FOURS_SHARES[not named])
 
 
 def _head(

@@ -426,3 +426,15 @@ def test_animals_whose_joints_have_other_names_are_known_by_their_shape(tmp_path
     assert clip.legs == 4
     limbs = [JOINT_INDEX[f"{joint}_{side}"] for joint in RIGID_JOINTS for side in ("left", "right")]
     assert_allclose(clip.positions[:, limbs], named.positions[:, limbs], atol=1e-9)
+
+
+def test_a_performer_may_lie_on_the_side_in_the_first_frame(tmp_path):
+    rows = np.zeros((5, 3 + 3 * JOINT_COUNT))
+    rows[:, 1] = 90
+    [whole] = bvh.read(body_file(tmp_path, rows), ReadOptions(up="y"))
+    rows[:2, 3] = 90, 89.9  # about z, from side to side
+    [clip] = bvh.read(body_file(tmp_path, rows), ReadOptions(up="y"))
+    assert_allclose(clip.positions[-3:], whole.positions[-3:], atol=1e-9)
+    rows[:, 3] = 90
+    with pytest.raises(SkeletonLogError, match="the left-to-right line of hips and shoulders points up"):
+        bvh.read(body_file(tmp_path, rows), ReadOptions(up="y"))

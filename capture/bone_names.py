@@ -29,7 +29,7 @@ SIDES = {"l": "left", "left": "left", "r": "right", "right": "right"}
 QUARTERS = {word: quarter for quarter, words in TABLE["quarters"].items() for word in words.split()}
 """Pairs of legs by the words for them in the names of a leg's joints."""
 
-SHARED_WORD_SHARE = 0.75
+SHARED_WORD_SHARE = 0.5
 """Minimum share of a skeleton's joints that have a word which says nothing."""
 
 MIN_SHARING_JOINTS = 5

@@ -40,7 +40,8 @@ class Shape(NamedTuple):
     legs : int
         Number of limbs that reach the floor; 0 if the skeleton has no sides.
     joints : dict
-        Nodes of the joints of `capture.skeleton.JOINTS`, for a body with two legs and two arms.
+        Nodes of the joints of `capture.skeleton.JOINTS`, for a body with two legs and two arms, or with four legs, of
+        which those nearer to the head are arms.
     """
 
     legs: int
@@ -70,6 +71,12 @@ def shape_of(parents: Sequence[int], rest: Points, is_end: Sequence[bool]) -> Sh
         return Shape(0, {})
     up, legs = found
     arms = [limb for limb in limbs if limb not in legs]
+    if len(legs) == 2:
+        [(hind, front)] = [pair for pair in (legs, legs[::-1]) if tree.path(pair[1].attached, pair[0].attached)] or [
+            legs
+        ]
+        ahead = tree.rest[front.attached] - tree.rest[hind.attached]
+        return Shape(4, _joints(tree, hind, front, up, across, pairs, ahead))
     if len(legs) != 1 or not arms:
         return Shape(2 * len(legs), {})
     [leg] = legs
@@ -199,20 +206,22 @@ def _upright(tree: _Tree, limbs: Sequence[_Limb], across: int) -> tuple[Points, 
     return found
 
 
-def _joints(tree: _Tree, leg: _Limb, arm: _Limb, up: Points, across: int, pairs: dict[int, int]) -> dict[str, int]:
-    """Return the joints of a body with one pair of legs and one of arms."""
+def _joints(
+    tree: _Tree, leg: _Limb, arm: _Limb, up: Points, across: int, pairs: dict[int, int], ahead: Points | None = None
+) -> dict[str, int]:
+    """Return the joints of a body with a pair of legs and one of arms; `ahead` is its front if toes do not tell it."""
     found: dict[str, int] = {"hip_center": leg.attached}
     trunk = tree.distinct([leg.attached, *tree.path(arm.attached, leg.attached)])
     if len(trunk) > 1 and trunk[1] != arm.attached:
         found["spine"] = trunk[1]
     found |= _neck_and_head(tree, arm.attached, up, pairs)
     chains = {"leg": (leg, ("hip", "knee", "ankle", "foot")), "arm": (arm, ("shoulder", "elbow", "wrist", "hand"))}
-    toes = np.zeros(3)
+    toes = np.zeros(3) if ahead is None else ahead
     for limb, names in chains.values():
         for side, chain in (("a", limb.left), ("b", limb.right)):
             nodes = _long_bones(tree, tree.distinct(chain))
             found |= {f"{name}_{side}": node for name, node in zip(names, nodes, strict=False)}
-            if names[0] == "hip" and len(nodes) > 3:
+            if names[0] == "hip" and len(nodes) > 3 and ahead is None:
                 toes += tree.rest[nodes[3]] - tree.rest[nodes[2]]
     forward = toes - up * (toes @ up)
     left = np.cross(up, forward) if forward.any() else np.eye(3)[across]

@@ -78,6 +78,7 @@ class Timeline:
             None if self.orientations is None else self.orientations[first:end],
             self.rest,
             None if self.channels is None else {name: each[first:end] for name, each in self.channels.items()},
+            self.legs,
         )
 
     @property

@@ -18,6 +18,11 @@ MAX_HEADER_ROWS = 8
 DIGITS, DIGITS_SHARES = 5, (0.25, 0.5)
 """Cells that are a number's part after a decimal comma have so many digits; the range of the share of such cells."""
 
+FRACTION_DIGITS, DECIMAL_COMMA_SHARE = 3, 0.9
+"""Smallest number of digits after a decimal comma that is also between cells, and share of rows with only such ones."""
+
+_SHORT_NUMBER = re.compile(r"-?\d{1,4}")
+
 OTHER_HEADER_ROWS = frozenset(("id", "parent", "type"))
 """First words of header rows that do not name columns. An empty cell precedes them (OptiTrack Motive)."""
 
@@ -54,6 +59,8 @@ class Cells:
         The file's column that each column is from: one whose cells have several numbers becomes several columns.
     cut_off : int or None
         Line within which the file ends, which is no row.
+    left_out : int
+        Number of lines that have another form than most.
     """
 
     names: list[list[str]]
@@ -61,6 +68,7 @@ class Cells:
     lines: list[int]
     origin: list[int]
     cut_off: int | None
+    left_out: int
 
 
 class UnevenError(ValueError):
@@ -111,15 +119,17 @@ def split(lines: Sequence[Line]) -> Cells | None:
     if not lines:
         return None
     separator, rows = _rows(lines)
+    count = len(rows)
     first = next((index for index, row in enumerate(rows) if _has_numbers(row)), None)
     if first is None:
         lines, rows = _of_sentences(lines)
-        first = 1
+        first, count = 1, count + 1  # the header
     if not rows:
         return None
-    width = _width(rows, first)
     if separator == "," and _is_digits(rows[first : first + 60]):
-        raise DecimalCommaError
+        lines, rows = _with_decimal_commas(lines, rows, first)
+    left_out = count - len(rows)
+    width = _width(rows, first)
     header = _header(rows[:first], width)
     body, numbers = rows[first:], [at for at, _ in lines[first:]]
     cut_off = None
@@ -130,7 +140,7 @@ def split(lines: Sequence[Line]) -> Cells | None:
         if len(row) < width or any(row[width:]):
             raise UnevenError(at, len(row), width)
     names, body, origin = _with_a_number_per_cell(_names(header, width), body)
-    return Cells(names, body, numbers, origin, cut_off)
+    return Cells(names, body, numbers, origin, cut_off, left_out)
 
 
 def _with_a_number_per_cell(
@@ -223,6 +233,40 @@ def _is_digits(rows: Sequence[Sequence[str]]) -> bool:
     return is_often and not any("." in cell and number(cell) is not None for cell in cells)
 
 
+def _with_decimal_commas(
+    lines: Sequence[Line], rows: list[list[str]], first: int
+) -> tuple[Sequence[Line], list[list[str]]]:
+    """Return the rows whose numbers, split at their decimal commas, are whole again: as many cells as names.
+
+    Digits after a short number are its fraction, from some column on; before that are counts, times and identities. The
+    few rows with other fractions are left out.
+
+    Raises
+    ------
+    DecimalCommaError
+        No column gives most rows the number of the names.
+    """
+    width = len(rows[first - 1]) if first else 0
+    for start in range(width):
+        whole = [_joined(row, start) for row in rows[first:]]
+        good = [len(row) == width for row in whole]
+        if sum(good) >= DECIMAL_COMMA_SHARE * len(good):
+            kept = [index for index, is_good in enumerate(good) if is_good]
+            return [*lines[:first], *(lines[first + k] for k in kept)], [*rows[:first], *(whole[k] for k in kept)]
+    raise DecimalCommaError
+
+
+def _joined(row: Sequence[str], start: int) -> list[str]:
+    joined = list(row[:start])
+    for cell in row[start:]:
+        is_fraction = len(joined) > start and cell.isdecimal() and len(cell) >= FRACTION_DIGITS
+        if is_fraction and _SHORT_NUMBER.fullmatch(joined[-1]):
+            joined[-1] = f"{joined[-1]}.{cell}"
+        else:
+            joined.append(cell)
+    return joined
+
+
 def _whole_rows(lines: Sequence[Line]) -> Sequence[Line]:
     """Return lines of which those within a quoted cell are joined; a cell that does not end is no cell."""
     rows: list[Line] = []
@@ -279,10 +323,10 @@ def _row(text: str, separator: str | None) -> list[str]:
 
 
 def _has_numbers(row: Sequence[str]) -> bool:
-    """Return whether most of at least three known cells of a row are numbers."""
+    """Return whether most of at least three known cells of a row are numbers, or all of the few among unknown ones."""
     known = [cell for cell in row if cell.lower() not in UNKNOWN]
     good = sum(number(cell) is not None or 3 * (_parts(cell) is not None) for cell in known)
-    return good >= max(3, 0.5 * len(known)) or (len(row) >= 3 and bool(row[0]) and not known)
+    return good >= max(3, 0.5 * len(known)) or (len(row) >= 3 and bool(row[0]) and good == len(known))
 
 
 def _names(header: list[list[str]], width: int) -> list[list[str]]:

@@ -110,6 +110,8 @@ class Table:
         self.notes: tuple[str, ...] = ()
         if cells.cut_off is not None:
             self.notes = (f"The file ends in the middle of line {cells.cut_off}. This frame is omitted.",)
+        if cells.left_out:
+            self.notes = (*self.notes, f"{cells.left_out} lines have another form than the others. They are omitted.")
         if options.columns:
             self._layouts = [self._mapped(options.columns)]
         else:

@@ -13,6 +13,7 @@ from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from capture.clip import SkeletonClip
 from capture.formats import smpl
@@ -35,6 +36,9 @@ MAX_ARRAYS = 1000
 
 MAX_PEOPLE = 16
 """Maximum number of people in one array; there are at least as many frames."""
+
+HUMANML3D_FEATURES, HUMANML3D_FPS = 263, 20.0
+"""Number of features of a frame, and of frames per second, in HumanML3D."""
 
 NPY_MAGIC = b"\x93NUMPY"
 
@@ -70,6 +74,10 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
         return [clip_of_positions(path, "arrays", names, points, options, notes=notes)]
     for names, points in _named(arrays):
         return [clip_of_positions(path, "arrays", names, points, options, notes=notes)]
+    if fits(joints := _of_features(arrays), ["smpl_22"]):
+        options = replace(options, fps=options.fps or HUMANML3D_FPS)
+        notes = (*notes, f"Features of HumanML3D, which has {HUMANML3D_FPS:g} frames per second.")
+        arrays = {"": joints}
     name, people = _people(path, arrays, options)
     return [
         replace(
@@ -181,6 +189,25 @@ def _named(arrays: Arrays) -> Iterator[tuple[list[str], NDArray[np.float64]]]:
             yield list(joints), np.stack(list(joints.values()), axis=1)
 
 
+def _of_features(arrays: Arrays) -> NDArray[np.float64]:
+    """Return the joints (T, 22, 3) that HumanML3D's features (T, 263) tell; no frame of other arrays.
+
+    The features are the turn and motion of the root since the frame before, its height, and the joints relative to it
+    (Guo et al. 2022); rotations and velocities, which say the same again, follow.
+    """
+    for array in map(np.squeeze, arrays.values()):
+        if array.ndim == 2 and array.shape[1] == HUMANML3D_FEATURES and array.dtype.kind == "f":
+            features = array.astype(np.float64)
+            before = np.vstack([np.zeros((1, 3)), features[:-1, :3]])
+            turn = Rotation.from_rotvec(np.outer(-2 * np.cumsum(before[:, 0]), [0.0, 1.0, 0.0]))
+            root = np.cumsum(turn.apply(np.insert(before[:, 1:], 1, 0, axis=1)), axis=0)
+            offsets = features[:, 4:67].reshape(-1, 21, 3)
+            joints = np.einsum("tij,tkj->tki", turn.as_matrix(), offsets) + root[:, None]
+            root[:, 1] = features[:, 3]
+            return np.concatenate([root[:, None], joints], axis=1)
+    return np.empty((0, 22, 3))
+
+
 def _people(path: Path, arrays: Arrays, options: ReadOptions) -> tuple[str, list[NDArray[np.float64]]]:
     """Return the joint set of the array that is a person's joints, and the people (T, J, 3 or 4) in it."""
     found: list[tuple[Fit, list[NDArray[np.float64]]]] = []
@@ -240,8 +267,8 @@ def _refuse(path: Path, arrays: Arrays, options: ReadOptions) -> NoReturn:
     found, fix = describe(arrays), ""
     if any(shape[-1:] == (2,) and shape[-2:-1] and shape[-2] in _SIZES for shape in shapes):
         found, fix = f"{found}, positions in an image (2D)", "Use positions in space, or the video itself."
-    elif any(shape[-1:] == (263,) for shape in shapes):
-        found, fix = f"{found}, features of HumanML3D", "Use the joints of the same motion, in new_joints."
+    elif any(shape[-1:] == (HUMANML3D_FEATURES,) for shape in shapes):
+        found, fix = f"{found}, features of HumanML3D", "Use them as they are without normalisation, or the joints."
     elif options.joints:
         fix = f"The order {options.joints} gives no person; choose another one with --joints."
     raise SkeletonLogError(

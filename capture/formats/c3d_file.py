@@ -13,9 +13,8 @@ import numpy as np
 from capture.clip import SkeletonClip
 from capture.formats._files import opened
 from capture.formats.clips import refuse_too_many
-from capture.formats.markers import has_markers
 from capture.formats.options import ReadOptions
-from capture.formats.positions import clip_of_positions
+from capture.formats.positions import clip_of_positions, is_person
 from capture.libraries import load_module
 from puppetline.errors import SkeletonLogError
 
@@ -69,7 +68,7 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
     names = names[: table.shape[1]]
     spaces = [re.split("[:|]", name)[0] for name in names]
     people = [[at for at, own in enumerate(spaces) if own == space] for space in dict.fromkeys(spaces)]
-    people = [own for own in people if has_markers([names[at] for at in own])]
+    people = [own for own in people if is_person([names[at] for at in own])]
     chosen = people if len(people) > 1 else [list(range(len(names)))]
     clips = [
         clip_of_positions(path, "c3d", [names[at] for at in own], positions[:, own], options, times=times)

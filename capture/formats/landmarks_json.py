@@ -75,11 +75,13 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
             people.setdefault(user, []).append((index, frame if isinstance(frame, dict) else {}, pose))
     if not people:
         with opened(path) as file:
-            is_flat = re.search(b"_2d|keypoints", file.read(20_000)) is not None
-        kind = f"JSON with the keys {', '.join(map(str, list(document)[:8]))}" if isinstance(document, dict) else "JSON"
+            head = file.read(20_000)
+        is_flat = re.search(b"_2d|keypoints", head) is not None
+        kind = "XML" if head.lstrip(b"\xef\xbb\xbf \r\n\t").startswith(b"<") else "JSON"
+        keys = f" with the keys {', '.join(map(str, list(document)[:8]))}" if isinstance(document, dict) else ""
         raise SkeletonLogError(
             path,
-            found="JSON with positions in an image (2D)" if is_flat else f"{kind}, without positions in space",
+            found=f"{kind} with positions in an image (2D)" if is_flat else f"{kind}{keys}, without positions in space",
             expected="x, y and z of a person's landmarks in each frame",
             fix="Use the tracker's positions in space (MediaPipe: pose_world_landmarks), or the video itself."
             if is_flat

@@ -56,6 +56,9 @@ MAX_FAR_SHARE = 0.05
 FACING_COSINE = 0.5
 """Cosine of the angle to the sensor within which a performer faces it, in a quarter of the frames."""
 
+MIN_LEVEL_SHARE = 0.1
+"""Smallest share of the line from left to right that is level in a frame from which the heading is known."""
+
 Y_PREFERENCE = np.array([1.0, 1.5, 1.0])
 """Weights of the axes in the search for the one along the body: in most files, y is up or down."""
 
@@ -172,7 +175,7 @@ def place(
     Raises
     ------
     SkeletonLogError
-        The body lies on its side in the first frame.
+        The body lies on its side in all frames.
     """
     unit = size.unit
     up, up_note = _up(points, options, None if by_sensor else size.stature, in_image=in_image)
@@ -188,18 +191,19 @@ def place(
         notes = (*notes, "The sides and the front of the performer fit left-handed axes; they are mirrored.")
     if facing[handed]:
         return Placement(_sensor_axes(up, handed), unit, np.zeros(3), np.zeros(3), notes)
-    usable = np.isfinite(across).all(axis=1) & np.isfinite(points[:, JOINT_INDEX["hip_center"]]).all(axis=1)
+    level = across - np.outer(across @ up, up)
+    lengths, whole = (np.linalg.norm(each, axis=1) for each in (level, across))
+    usable = (lengths >= MIN_LEVEL_SHARE * whole) & (whole > 0)  # the performer does not lie on the side
+    usable &= np.isfinite(points[:, JOINT_INDEX["hip_center"]]).all(axis=1)
     first = int(usable.argmax())
-    right = across[first] - up * (across[first] @ up)
-    length = np.linalg.norm(right)
-    if not usable.any() or not length >= 0.1 * np.linalg.norm(across[first]) > 0:
+    if not usable.any():
         raise SkeletonLogError(
             path,
-            found="a first frame in which the left-to-right line of hips and shoulders points up",
+            found="frames in which the left-to-right line of hips and shoulders points up",
             expected="a performer who stands or sits upright",
-            fix="Set the axis that points up (y or z), or delete the first frames.",
+            fix="Set the axis that points up (y or z).",
         )
-    right /= length
+    right = level[first] / lengths[first]
     notes = (*notes, f"The performer faces the sensor in the first frame, {HIP_DISTANCE_METRES:g} m in front of it.")
     axes = np.stack([right, up, handed * np.cross(right, up)])
     origin = points[first, JOINT_INDEX["hip_center"]]

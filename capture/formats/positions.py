@@ -1,9 +1,11 @@
 """Named positions of a person in any unit and any axes, as tables, arrays and motion capture have them, as a clip.
 
 Names tell which position is which joint (`capture.bone_names`). `capture.formats.placement` finds the rest. A head that
-has no position continues the neck; a joint between two others is placed between them; any other joint is lost.
+has no position continues the neck; a joint between two others is placed between them; hips are placed below shoulders
+that have a head; any other joint is lost.
 """
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +21,13 @@ from capture.formats.clips import DEFAULT_FPS, build_clip, frame_rate
 from capture.formats.markers import has_markers, joints_of_markers
 from capture.formats.options import ReadOptions
 from capture.formats.placement import place, size_of, toes_ahead, without_far_frames
-from capture.formats.proportions import TYPICAL_TRUNK_METRES, refuse_flat, refuse_other_bodies
+from capture.formats.proportions import (
+    MIN_THICKNESS,
+    MIN_THICKNESS_WITHOUT_HIPS,
+    TYPICAL_TRUNK_METRES,
+    refuse_flat,
+    refuse_other_bodies,
+)
 from capture.formats.skeleton_joints import BONES, MIDPOINTS
 from capture.skeleton import INFERRED, JOINT_INDEX, JOINTS, LOST
 from puppetline.errors import SkeletonLogError
@@ -31,6 +39,11 @@ SPINE_SHARE = TYPICAL_BONE_METRES["spine"] / TYPICAL_TRUNK_METRES
 
 WRIST_SHARE = 0.75
 """Distance of the wrist from the elbow, as a share of the hand's (`capture.formats.layouts`)."""
+
+BELOW_SHOULDERS, HIP_WIDTH = (
+    length / (2 * TYPICAL_BONE_METRES["shoulder"]) for length in (TYPICAL_TRUNK_METRES, 2 * TYPICAL_BONE_METRES["hip"])
+)
+"""Distances of the hips from the shoulders and from each other, as shares of that between the shoulders."""
 
 NECK_SHARE = TYPICAL_BONE_METRES["head"] / TYPICAL_TRUNK_METRES
 """Length of the neck and half of the head, as a share of the trunk's."""
@@ -57,7 +70,8 @@ _ELBOWS, _WRISTS, _HANDS, _KNEES = (
     {f"{joint}_{side}" for side in _SIDES} for joint in ("elbow", "wrist", "hand", "knee")
 )
 _REQUIRED = ("hip_center", *(f"shoulder_{side}" for side in _SIDES))
-"""Joints without which positions are no person's; elbows too, if there are wrists or no knees. All others may be lost.
+"""Joints without which positions are no person's; elbows too, if there are wrists or no knees. All others may be lost,
+and the hips of a body with a head and elbows.
 """
 
 
@@ -128,7 +142,8 @@ def clip_of_positions(
     factors, image_note = image_positions.unit_of(body.points)
     if image_note:
         body = select(path, names, positions * factors, confidence)
-    refuse_flat(path, body.points)
+    has_hips = bool(body.sources.keys() & {"hip_center", "hip_left"})
+    refuse_flat(path, body.points, MIN_THICKNESS if has_hips else MIN_THICKNESS_WITHOUT_HIPS)
     refuse_other_bodies(path, body.points)
     size = size_of(path, body.points, options, in_image=bool(image_note))
     points, far_notes = without_far_frames(body.points, size.unit)
@@ -189,6 +204,7 @@ def missing_joints(names: Sequence[str]) -> list[str]:
 
 def _missing(sources: Mapping[str, object]) -> list[str]:
     found = {*sources, *(joint for joint, pair in MIDPOINTS.items() if sources.keys() >= set(pair))}
+    found |= {"hip_center"} if {"head", *_ELBOWS, *_WRISTS} <= found else set()
     needs_elbows = bool(found & (_WRISTS | _HANDS)) or not found >= _KNEES
     return [joint for joint in (*_REQUIRED, *(sorted(_ELBOWS) if needs_elbows else ())) if joint not in found]
 
@@ -241,6 +257,9 @@ def _heads(landmarks: Mapping[str, Sequence[int]]) -> list[tuple[int, ...]]:
 def _fill(points: Floats, sure: NDArray[np.float32], sources: dict[str, tuple[int, ...]]) -> tuple[str, ...]:
     """Place the joints that no position has between the others, or at the end of the neck; return the notes."""
     notes = []
+    if not sources.keys() & {"hip_center", "hip_left"}:
+        _place_hips(points, sure)
+        notes.append("No position for the hips. They are placed below the shoulders.")
     for joint, pair in MIDPOINTS.items():
         if joint not in sources:
             one, other = (JOINT_INDEX[each] for each in pair)
@@ -258,10 +277,29 @@ def _fill(points: Floats, sure: NDArray[np.float32], sources: dict[str, tuple[in
         points[:, JOINT_INDEX["head"]] = points[:, neck] + NECK_SHARE * (points[:, neck] - points[:, hips])
         sure[:, JOINT_INDEX["head"]] = np.minimum(sure[:, [neck, hips]].min(axis=1), INFERRED)
         notes.append("No position for the head. It continues the neck.")
-    placed = {"head", *MIDPOINTS, *(f"wrist_{side}" for side in _SIDES if f"hand_{side}" in sources)}
+    placed = {
+        "head",
+        "hip_left",
+        "hip_right",
+        *MIDPOINTS,
+        *(f"wrist_{side}" for side in _SIDES if f"hand_{side}" in sources),
+    }
     lost = [joint for joint in JOINTS if joint not in sources and joint not in placed]
     notes += [f"No position for {joint}. It is lost." for joint in lost]
     return tuple(notes)
+
+
+def _place_hips(points: Floats, sure: NDArray[np.float32]) -> None:
+    """Place the hips below the shoulders, along the axis of the coordinates that is closest to the way to the head."""
+    left, right, head = (JOINT_INDEX[joint] for joint in ("shoulder_left", "shoulder_right", "head"))
+    across, middle = points[:, right] - points[:, left], (points[:, left] + points[:, right]) / 2
+    with warnings.catch_warnings(action="ignore"):  # shoulders that are never known
+        width = np.nanmedian(np.linalg.norm(across, axis=1))
+        way = np.nan_to_num(np.nanmedian(points[:, head] - middle, axis=0))
+    up = np.where(np.arange(3) == np.abs(way).argmax(), np.sign(way), 0)
+    for joint, side in (("hip_left", -0.5), ("hip_right", 0.5)):
+        points[:, JOINT_INDEX[joint]] = middle - BELOW_SHOULDERS * width * up + side * HIP_WIDTH * across
+        sure[:, JOINT_INDEX[joint]] = np.minimum(sure[:, [left, right]].min(axis=1), INFERRED)
 
 
 def _front(known: Floats, landmarks: dict[str, list[int]], sources: dict[str, tuple[int, ...]]) -> Floats:

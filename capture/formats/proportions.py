@@ -18,8 +18,11 @@ TYPICAL_TRUNK_METRES = TYPICAL_BONE_METRES["spine"] + TYPICAL_BONE_METRES["shoul
 MAX_BONE_RATIO = 2.0
 """How many times longer or shorter than a typical person's a bone can be, beside the other bones."""
 
-MIN_THICKNESS = 0.003
-"""Smallest size of a person in any direction, as a share of the largest one; standing in a T-pose, it is 0.02."""
+MIN_THICKNESS, MIN_THICKNESS_WITHOUT_HIPS = 0.003, 0.08
+"""Smallest size of a person in any direction, as a share of the largest one; standing in a T-pose, it is 0.02.
+
+The second value is for positions without hips, whose depths no other proportion can tell from those in an image.
+"""
 
 MIN_POINTS = 7
 """Number of points that need not lie in a plane even in space; a frame has more."""
@@ -43,7 +46,7 @@ def bone_ratios(points: Floats) -> Floats:
         return ratios / np.nanmedian(ratios)
 
 
-def refuse_flat(path: Path, points: Floats) -> None:
+def refuse_flat(path: Path, points: Floats, least: float = MIN_THICKNESS) -> None:
     """Check that points (T, 20, 3) are in space: their third coordinate is no score, and no copy of another.
 
     Raises
@@ -54,7 +57,7 @@ def refuse_flat(path: Path, points: Floats) -> None:
     known = points[np.isfinite(points).all(axis=2).sum(axis=1) > MIN_POINTS]
     centred = np.nan_to_num(known - np.nanmean(known, axis=1, keepdims=True)) if len(known) else known
     sizes = np.linalg.svd(centred, compute_uv=False)
-    if len(known) and np.percentile(sizes[:, 2] / np.maximum(sizes[:, 0], 1e-12), 95) < MIN_THICKNESS:
+    if len(known) and np.percentile(sizes[:, 2] / np.maximum(sizes[:, 0], 1e-12), 95) < least:
         raise SkeletonLogError(
             path,
             found="positions that lie in a plane: positions in an image (2D)",

@@ -53,14 +53,20 @@ ENDS = {"hand_left": "wrist_left", "hand_right": "wrist_right", "foot_left": "an
 MIN_BONE_SHARE = 0.002
 """Minimum length of a bone as a share of the skeleton's largest extent; shorter bones have no length."""
 
+MAX_END_SHARE = 0.25
+"""Largest length of a hand or foot as a share of the skeleton's extent; the end of a longer bone is an error."""
+
 SIDES = "left", "right"
 
 BY_SHAPE_NOTE = "The names of the joints are unknown. Their meanings follow from the shape of the skeleton."
 
 ANIMAL_NOTE = "A four-legged skeleton: the character's legs, trunk and neck point as the animal's do."
 
-FOURS_COSINE, TRUNK_COSINE, FOURS_SHARE = 0.7, 0.5, 0.9
-"""On all fours, arms and legs have a cosine above, trunk and legs one below, in more than this share of the frames."""
+FOURS_COSINE, TRUNK_COSINE, FOURS_SHARES = 0.7, 0.5, (0.2, 0.6)
+"""On all fours, arms and legs have a cosine above, trunk and legs one below, in more than this share of the frames.
+
+The second share is for skeletons that are labelled by their shape: dogs sit and jump, but people crawl, too.
+"""
 
 UPRIGHT_COSINE = -0.8
 """Cosine between trunk and legs below which a skeleton stands upright at rest, as that of no animal on four legs."""
@@ -111,7 +117,8 @@ def select(
     SkeletonLogError
         The skeleton is no human body.
     """
-    chosen, named = _choose(path, names, parents, rest, positions, options)
+    chosen, known_legs = _choose(path, names, parents, rest, positions, options)
+    named = known_legs is None
     notes = [] if named else [BY_SHAPE_NOTE]
     ends = _ends(parents)
     hips_coincide = _coincide(positions, chosen["hip_left"], chosen["hip_right"])
@@ -119,9 +126,11 @@ def select(
         chosen = {name: ends.get(node, node) for name, node in chosen.items()}
         notes.append("Both hips are at one point. Each joint is placed at the end of the bone with its name.")
     found = {name: positions[node] for name, node in chosen.items()}
+    longest = MAX_END_SHARE * np.ptp(rest, axis=0).max()
     for name, bone in ENDS.items():
-        if name not in found and chosen[bone] in ends:
-            found[name] = positions[ends[chosen[bone]]]
+        end = ends.get(chosen[bone])
+        if name not in found and end is not None and np.linalg.norm(rest[end] - rest[chosen[bone]]) <= longest:
+            found[name] = positions[end]
     for name, (one, other) in MIDPOINTS.items():
         if name not in found:
             found[name] = (found[one] + found[other]) / 2
@@ -132,8 +141,9 @@ def select(
     points = np.full((len(positions[0]), len(JOINTS), 3), np.nan)
     for name, point in found.items():
         points[:, JOINT_INDEX[name]] = point
-    legs = 2 if options.as_person or _is_upright(rest, chosen) or not _is_on_all_fours(points) else 4
-    if legs > 2 and not options.animals:
+    is_person = options.as_person or (named and _is_upright(rest, chosen)) or not _is_on_all_fours(points, named)
+    legs = 2 if is_person else 4
+    if legs > 2 and not (options.animals and known_legs in (None, legs)):  # a shape may also hide which end is the head
         raise _animal_error(path, legs)
     return Body(points, chosen, named, (*notes, *([ANIMAL_NOTE] if legs > 2 else ())), legs)
 
@@ -145,18 +155,18 @@ def _choose(
     rest: Points,
     positions: Sequence[Points],
     options: ReadOptions,
-) -> tuple[dict[str, int], bool]:
-    """Return the nodes that are joints, and whether by their names or else by the shape of the skeleton."""
+) -> tuple[dict[str, int], int | None]:
+    """Return the nodes that are joints, by their names or else by the shape of the skeleton, and then its legs."""
     chosen = _choose_nodes(names, positions)
     missing = [joint for joint in REQUIRED if joint not in chosen]
     if not missing:
-        return chosen, True
+        return chosen, None
     shape = shape_of(parents, rest, [not name for name in names])
-    if shape.legs > 2 and not options.as_person:
+    if shape.legs > 4 or (shape.legs == 4 and not (options.as_person or options.animals)):
         raise _animal_error(path, shape.legs)
     if any(joint not in shape.joints for joint in REQUIRED):
         raise _names_error(path, names, missing)
-    return shape.joints, False
+    return shape.joints, shape.legs
 
 
 def _is_upright(rest: Points, chosen: Mapping[str, int]) -> bool:
@@ -168,8 +178,8 @@ def _is_upright(rest: Points, chosen: Mapping[str, int]) -> bool:
     return bool(trunk @ legs < UPRIGHT_COSINE * np.linalg.norm(trunk) * np.linalg.norm(legs))
 
 
-def _is_on_all_fours(points: Points) -> bool:
-    """Return whether arms point as legs do, and the trunk across both, in nearly all frames of points (T, 20, 3)."""
+def _is_on_all_fours(points: Points, named: bool) -> bool:
+    """Return whether arms point as legs do, and the trunk across both, in enough frames of points (T, 20, 3)."""
     leg, arm = (
         sum(points[:, JOINT_INDEX[f"{tip}_{side}"]] - points[:, JOINT_INDEX[f"{root}_{side}"]] for side in SIDES)
         for root, tip in (("hip", "ankle"), ("shoulder", "wrist"))
@@ -178,7 +188,7 @@ def _is_on_all_fours(points: Points) -> bool:
     with np.errstate(invalid="ignore", divide="ignore"):
         leg, arm, trunk = (way / np.linalg.norm(way, axis=1, keepdims=True) for way in (leg, arm, trunk))
         alike, across = np.einsum("ti,ti->t", leg, arm), np.abs(np.einsum("ti,ti->t", trunk, leg))
-    return bool(np.mean((alike > FOURS_COSINE) & (across < TRUNK_COSINE)) > FOURS_SHARE)
+    return bool(np.mean((alike > FOURS_COSINE) & (across < TRUNK_COSINE)) > FOURS_SHARES[not named])
 
 
 def _head(

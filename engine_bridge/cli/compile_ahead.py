@@ -38,10 +38,7 @@ def second_process(at_once: bool = False) -> Iterator[None]:
             started.append((process, waiter))
 
     def start_if_needed() -> None:
-        from engine_bridge.pictures.rasteriser import rasterise  # one of the last that it compiles
-        from puppetline.compiled import is_compiled
-
-        if not is_compiled(rasterise):
+        if not is_done():
             start()
 
     if at_once:
@@ -57,6 +54,14 @@ def second_process(at_once: bool = False) -> Iterator[None]:
         for process, waiter in started:
             process.kill()
             waiter.join()
+
+
+def is_done() -> bool:
+    """Return whether the second process has done its work before."""
+    from engine_bridge.pictures.rasteriser import rasterise  # one of the last that it compiles
+    from puppetline.compiled import is_compiled
+
+    return is_compiled(rasterise)
 
 
 def compile_ahead() -> None:
@@ -110,4 +115,5 @@ def _compile_surface() -> None:
 
 
 if __name__ == "__main__":
-    compile_ahead()
+    if not is_done():
+        compile_ahead()

@@ -141,11 +141,7 @@ def _run(
     with ExitStack() as stack:
         signals = stack.enter_context(Signals())
         from capture import native_output
-        from engine_bridge.service.commands import commands
-        from engine_bridge.service.loading import service_file
         from engine_bridge.service.monitoring import logs
-        from engine_bridge.service.service import Service
-        from puppetline.compiling import reported
 
         stack.enter_context(native_output.logged())
         logs.setup(log_format, log_level)
@@ -156,10 +152,16 @@ def _run(
 
             display = StatusDisplay()
             stack.callback(display.close)
+        if studio is not None:
+            # it starts while this process loads its modules and the characters
+            stack.enter_context(_studio(settings, folder, studio, config))
+        from engine_bridge.service.commands import commands
+        from engine_bridge.service.loading import service_file
+        from engine_bridge.service.service import Service
+        from puppetline.compiling import reported
+
         read_settings = None if config is None else partial(service_file.load, config)
         stack.enter_context(reported(_CompilingLog()))
-        if studio is not None:
-            stack.enter_context(_studio(settings, folder, studio, config))  # it starts while the characters are loaded
         service = Service(settings, folder, commands, None if display is None else display.update, read_settings)
         stack.callback(service.close)
         gc.collect()

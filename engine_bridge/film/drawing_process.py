@@ -37,6 +37,10 @@ MAX_PROCESSES = 4
 AHEAD = 3
 """Maximum number of frames that a process has, so that it draws while this process is busy."""
 
+PIPE_BYTES = 1 << 20
+"""Size of the pipes where the system lets a program choose it. A frame has megabytes; smaller pipes make both processes
+wait for each other many times in each."""
+
 
 def processes_beside(canvas: Canvas) -> int:
     """Return the number of processes that draw beside this one: none where a graphics card does."""
@@ -56,7 +60,7 @@ class DrawingProcess:
     def __init__(self, canvas: Canvas) -> None:
         width, height = canvas.renderer.size
         self._shape = height, width, 4
-        pipes: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+        pipes: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "pipesize": PIPE_BYTES}
         command = [sys.executable, "-P", "-m", MODULE]
         self._process = subprocess.Popen(command, **pipes, **OWN_GROUP)  # noqa: S603 - Ctrl-C ends it through this process
         self.send(canvas.setup)

@@ -1,6 +1,6 @@
 """Films as videos: frames are drawn, mixed with sound and written one by one."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -19,9 +19,9 @@ from engine_bridge.film.av_library import require_av
 from engine_bridge.film.bubbles import Bubble, bubbles_of
 from engine_bridge.film.drawing import WHOLE_FRAME, Canvas, ShownFrame, ShownPicture, ShownView
 from engine_bridge.film.drawing_process import DrawingProcess, draw_in_order, processes_beside
-from engine_bridge.film.framing import View
+from engine_bridge.film.framing import Extent, View
 from engine_bridge.film.plan import FilmPlan
-from engine_bridge.film.production import Production, Progress, produce
+from engine_bridge.film.production import Production, Progress, measure
 from engine_bridge.film.scene import Scene, SceneError, load
 from engine_bridge.film.sound import SAMPLE_RATE, Mixer
 from engine_bridge.film.video import FORMATS, VideoWriter
@@ -100,10 +100,10 @@ def make_video(
         for number, title in enumerate(scene.title, 1):
             overlays.title(title, size, at(path, field=f"[[title]] {number}"), path.parent)
         bubbles = bubbles_of(scene, size, path)
-        production = produce(path, scene, progress)
+        production, extents = measure(path, scene, progress)
         numbers = _numbers(production, start, stop, draft, ending)
         mixer = Mixer(production.sounds if FORMATS[ending].sound else (), path, production.seconds, scene.music)
-        frames = _Frames(production, bubbles, size, progress)
+        frames = _Frames(production, extents, bubbles, size)
         canvas.add(frames.stage, frames.characters)
         for other in others:
             other.send((frames.stage, frames.characters))
@@ -206,10 +206,9 @@ class _Frames:
     """
 
     def __init__(
-        self, production: Production, bubbles: Sequence[Bubble], size: tuple[int, int], progress: Progress
+        self, production: Production, extents: Mapping[str, Extent], bubbles: Sequence[Bubble], size: tuple[int, int]
     ) -> None:
         self._production, self._bubbles, self._size = production, bubbles, size
-        extents = production.extents(progress)
         self._plan = FilmPlan(production, extents, bubbles, size)
         self.stage = production.stage(extents)
         self._surfaces = [_Surface(actor) for actor in production.actors]

@@ -1,9 +1,10 @@
 """A scene that is ready to be shown: its characters with their motion, and the space that they need."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,7 @@ from engine_bridge.performance.frame_store import evenly
 from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.pictures.gpu_scene import Stage
+from engine_bridge.puppet import puppet_file
 from puppetline.errors import PuppetlineError, at
 from solver.model.binding import Binding
 from solver.motion.deformer import to_file_units
@@ -54,8 +56,6 @@ class Production:
     actors : list of Actor
     frames : int
         Length of the film.
-    sounds : tuple of SoundTable
-        The scene's, and those that were recorded beside its takes.
     notes : tuple of str
         Sentences for the user about recordings.
     """
@@ -64,7 +64,6 @@ class Production:
     scene: Scene
     actors: list[Actor]
     frames: int
-    sounds: tuple[SoundTable, ...]
     notes: tuple[str, ...]
 
     @property
@@ -76,6 +75,12 @@ class Production:
     def seconds(self) -> float:
         """Length of the film."""
         return self.frames / self.fps
+
+    @property
+    def sounds(self) -> tuple[SoundTable, ...]:
+        """The scene's sounds, and those that were recorded beside its takes."""
+        own = (sound_table(segment, self.fps) for actor in self.actors for segment in actor.segments)
+        return (*self.scene.sound, *(table for table in own if table is not None))
 
     def extents(self, progress: Progress) -> dict[str, Extent]:
         """Return where each character is in each frame.
@@ -161,9 +166,42 @@ def produce(path: Path, scene: Scene, progress: Progress) -> Production:
     frames = max(actor.end for actor in actors)
     if scene.film.seconds is not None:
         frames = max(round(scene.film.seconds * scene.film.fps), 2)
-    own = (sound_table(segment, scene.film.fps) for actor in actors for segment in actor.segments)
-    sounds = (*scene.sound, *(table for table in own if table is not None))
-    return Production(path, scene, actors, frames, sounds, tuple(notes))
+    return Production(path, scene, actors, frames, tuple(notes))
+
+
+class Measured(NamedTuple):
+    """A production, and where its characters are, see `Production.extents`."""
+
+    production: Production
+    extents: dict[str, Extent]
+
+
+_last: tuple[tuple[Any, ...], Measured] | None = None
+"""What was measured last, and what it depends on."""
+
+
+def measure(path: Path, scene: Scene, progress: Progress) -> Measured:
+    """Produce a scene and measure its characters, unless this process did so last.
+
+    A change of titles, bubbles, shots, sounds or the place moves nobody.
+
+    Raises
+    ------
+    PuppetlineError
+        See `produce`.
+    """
+    global _last
+    puppets = [path.parent / each.puppet for each in scene.character]
+    meshes = [puppet.parent / puppet_file.load(puppet).character.mesh for puppet in puppets]
+    takes = [path.parent / take.file for take in scene.take]
+    changes = [file.stat().st_mtime_ns if file.exists() else None for file in (*puppets, *meshes, *takes)]
+    causes = (path, scene.character, scene.take, scene.film.fps, scene.film.seconds, tuple(changes))
+    if _last is None or _last[0] != causes:
+        _last = None  # frees its memory
+        production = produce(path, scene, progress)
+        _last = causes, Measured(production, production.extents(progress))
+    production, extents = _last[1]
+    return Measured(replace(production, scene=scene), extents)
 
 
 def _homes(tables: Sequence[CharacterTable], footings: Sequence[Footing]) -> list[Place]:

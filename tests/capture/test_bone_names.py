@@ -69,3 +69,11 @@ def test_controls_count_where_vertices_follow_them():
     names = ["Foot_IK.L", "upperarm_twist_01_l", "HeadTop_End", "__Clavicle_L", "Bone.001"]
     assert joint_meanings(names) == [None] * 5
     assert joint_meanings(names, [True] * 5)[:3] == [JointMeaning("left", None, "foot"), None, None]
+
+
+def test_a_word_before_most_names_says_nothing():
+    """As in exports with the meshes of bones between the joints."""
+    names = ["Hips", "Spine", "LeftArm", "LeftForeArm", "LeftHand", "RightArm", "RightForeArm", "RightHand"]
+    others = ["L_Radius_RIGMESH", "R_Radius_RIGMESH", "Torso_RIGMESH", "Pelvis_RIGMESH"]
+    found = find_bones([*(f"Character1_{name}" for name in names), *others])
+    assert found == find_bones(names)

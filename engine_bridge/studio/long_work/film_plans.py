@@ -1,20 +1,18 @@
 """The plan of a film for the page, which shows it while the takes play."""
 
 import math
-from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.film.actor import Actor
 from engine_bridge.film.bubbles import bubbles_of
-from engine_bridge.film.framing import Extent, View
+from engine_bridge.film.framing import View
 from engine_bridge.film.plan import FilmPlan
-from engine_bridge.film.production import Production, produce
-from engine_bridge.film.scene import Scene, load
-from engine_bridge.puppet import puppet_file
+from engine_bridge.film.production import Production, measure
+from engine_bridge.film.scene import load
 from engine_bridge.studio.long_work.worker import Progress
 from engine_bridge.studio.messages import film_plan
 
@@ -35,9 +33,8 @@ def plan_for_page(scene_file: Path, progress: Progress) -> film_plan.FilmPlan:
     scene = load(scene_file)
     size = scene.film.size
     bubbles = bubbles_of(scene, size, scene_file)
-    measured = _measured(scene_file, scene, progress)
-    production = replace(measured.production, scene=scene)
-    plan = FilmPlan(production, measured.extents, bubbles, size)
+    production, extents = measure(scene_file, scene, progress)
+    plan = FilmPlan(production, extents, bubbles, size)
     step = math.ceil(production.frames / MAX_MOMENTS)
     return film_plan.FilmPlan(
         size=size,
@@ -53,31 +50,6 @@ def plan_for_page(scene_file: Path, progress: Progress) -> film_plan.FilmPlan:
         ],
         moments=[_moment(plan, production, size, frame) for frame in range(0, production.frames, step)],
     )
-
-
-class _Measured(NamedTuple):
-    """A production and where its characters are, with what they depend on."""
-
-    causes: tuple[Any, ...]
-    production: Production
-    extents: dict[str, Extent]
-
-
-_last: _Measured | None = None
-"""What was measured last: a change of titles, bubbles or shots moves nobody."""
-
-
-def _measured(scene_file: Path, scene: Scene, progress: Progress) -> _Measured:
-    global _last
-    puppets = [scene_file.parent / each.puppet for each in scene.character]
-    meshes = [path.parent / puppet_file.load(path).character.mesh for path in puppets]
-    takes = [scene_file.parent / take.file for take in scene.take]
-    changes = [path.stat().st_mtime_ns if path.exists() else None for path in (*puppets, *meshes, *takes)]
-    causes = (scene_file, scene.character, scene.take, scene.film.fps, scene.film.seconds, tuple(changes))
-    if _last is None or _last.causes != causes:
-        production = produce(scene_file, scene, progress)
-        _last = _Measured(causes, production, production.extents(progress))
-    return _last
 
 
 def _moment(plan: FilmPlan, production: Production, size: tuple[int, int], frame: int) -> film_plan.Moment:

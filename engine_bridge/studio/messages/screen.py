@@ -8,15 +8,15 @@ class ScreenSettings(Table):
 
     Attributes
     ----------
-    run : str
-        Another one after each start of the server: the screen then loads its page again.
+    version : str
+        Of the page, its branding and the characters: a screen loads its page again when it changes.
     models : list of str
         Characters whose materials are at ``/screen/models/NAME.glb``.
     kiosk : KioskScreen or None
         None for a service without ``[kiosk]``.
     """
 
-    run: str
+    version: str
     models: list[str]
     kiosk: "KioskScreen | None"
 

@@ -1,15 +1,18 @@
 """A kiosk as its screen and its visitors' phones see it."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
+from engine_bridge.puppet import puppet_file
 from engine_bridge.service.kiosk.clip import visitors_folder
 from engine_bridge.service.kiosk.kiosk_table import KioskTable
 from engine_bridge.service.loading import service_file
 from engine_bridge.service.loading.service_file import character_names
 from engine_bridge.studio.screen.phone_address import phone_address
 from engine_bridge.studio.screen.shared_films import FilmFolder
+from puppetline.errors import PuppetlineError
 
 
 @dataclass(frozen=True)
@@ -60,6 +63,15 @@ class VisitorsKiosk:
         screen = self.table.screen
         given = {"logo": screen.logo, "film": screen.film}
         return {kind: self.folder / name for kind, name in given.items() if name is not None}
+
+    @property
+    def files(self) -> list[Path]:
+        """All files that the screen shows: its branding, and the characters' puppet files and meshes."""
+        files = [*self.branding.values(), *self.puppets.values()]
+        for puppet in self.puppets.values():
+            with suppress(PuppetlineError):  # a file with an error is the service's to report
+                files.append(puppet.parent / puppet_file.load(puppet).character.mesh)
+        return files
 
     def film_file(self, code: str, ending: str) -> Path | None:
         """Return the film (``".mp4"``), poster (``".jpg"``) or ``".gif"`` of a code; None if there is none."""

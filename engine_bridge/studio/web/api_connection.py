@@ -32,8 +32,9 @@ MAX_REASON_BYTES = 123
 HELLO_SECONDS = 10.0
 """Maximum time until a page sends its first frame, in seconds."""
 
-STATE_SECONDS = 0.1
-"""Minimum time between two states that are pushed to a client, in seconds."""
+STATE_SECONDS, PROGRESS_SECONDS = 0.1, 0.5
+"""Minimum time between two states, and between two reports of progress, that are pushed to a client, in seconds. A page
+draws everything again for each; without a graphics card, that takes long enough to delay the work."""
 
 MAX_PENDING = 32
 """Maximum number of requests of a client that are carried out at a time."""
@@ -170,24 +171,28 @@ class ApiClient:
 
     async def _write(self) -> None:
         """Send what waits: first replies, then the newest progress of each job and the newest state."""
-        loop, state_at = asyncio.get_running_loop(), 0.0
+        loop, state_at, progress_at = asyncio.get_running_loop(), 0.0, 0.0
         with contextlib.suppress(ConnectionError):
             while True:
                 if len(self._replies) > MAX_REPLIES:
                     await self._socket.close(code=CloseCode.TOO_SLOW, message=b"replies are not read")
                     return
+                now = loop.time()
                 if self._replies:
                     await self._socket.send_str(self._replies.popleft())
-                elif self._progress:
-                    _, job = self._progress.popitem()
-                    event = ProgressEvent(job=job.job, text=job.text, fraction=job.fraction)
-                    await self._socket.send_str(event.model_dump_json())
-                elif self._stale and loop.time() >= state_at:
-                    self._stale, state_at = False, loop.time() + STATE_SECONDS
+                elif self._progress and now >= progress_at:
+                    progress_at = now + PROGRESS_SECONDS
+                    jobs, self._progress = self._progress, {}
+                    for job in jobs.values():
+                        event = ProgressEvent(job=job.job, text=job.text, fraction=job.fraction)
+                        await self._socket.send_str(event.model_dump_json())
+                elif self._stale and now >= state_at:
+                    self._stale, state_at = False, now + STATE_SECONDS
                     state = self._studio.state.model_dump(mode="json")
                     await self._socket.send_str(json.dumps({"event": "state", "state": state}))
                 else:
-                    await self._wait(state_at - loop.time() if self._stale else None)
+                    dues = [*([progress_at] if self._progress else []), *([state_at] if self._stale else [])]
+                    await self._wait(min(dues) - now if dues else None)
 
     async def _wait(self, seconds: float | None) -> None:
         self._wake.clear()

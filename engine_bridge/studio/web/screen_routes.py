@@ -1,6 +1,6 @@
 """The paths of screens: the pages ``/kiosk`` and ``/stage``, and what they load (docs/kiosk.md)."""
 
-import secrets
+import hashlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -35,7 +35,7 @@ class ScreenRoutes:
         kiosk: VisitorsKiosk | None,
     ) -> None:
         self._page, self._authorize, self._models, self._kiosk = page, authorize, models, kiosk
-        self._run = secrets.token_hex(8)
+        self._version = _version(page, kiosk)
 
     def add_to(self, router: web.UrlDispatcher) -> None:
         """Add the paths."""
@@ -55,7 +55,7 @@ class ScreenRoutes:
     async def settings(self, request: web.Request) -> web.StreamResponse:
         """Send `ScreenSettings`."""
         self._authorize(request)
-        settings = ScreenSettings(run=self._run, models=list(self._models()), kiosk=_shown(self._kiosk))
+        settings = ScreenSettings(version=self._version, models=list(self._models()), kiosk=_shown(self._kiosk))
         return web.json_response(settings.model_dump(mode="json"))
 
     async def model(self, request: web.Request) -> web.StreamResponse:
@@ -73,6 +73,18 @@ class ScreenRoutes:
         if phones is None:
             raise web.HTTPNotFound
         return web.Response(body=qr_code(f"{phones}/{request.match_info['code']}"), content_type="image/svg+xml")
+
+
+def _version(page: Path | None, kiosk: VisitorsKiosk | None) -> str:
+    """Return a digest of what a screen looks like.
+
+    It does not change when only the server restarts, so that screens keep their page.
+    """
+    files = [] if page is None else sorted(page.parent.rglob("screen.*"))
+    files += [] if kiosk is None else kiosk.files
+    found = [path.stat() for path in files if path.is_file()]
+    seen = [(each.st_ino, each.st_mtime_ns, each.st_size) for each in found]
+    return hashlib.sha256(repr((seen, kiosk and kiosk.table)).encode()).hexdigest()
 
 
 def _of(kiosk: VisitorsKiosk | None) -> VisitorsKiosk:

@@ -153,7 +153,7 @@ namespace Puppetline
   },
   ""decoration"": ""b c j m mixamorig def cc base bip valve biped bn bone bend col"",
   ""controls"": ""ik fk pole target ctrl control mch org twist roll heel end nub helper"",
-  ""sharedWordShare"": 0.75,
+  ""sharedWordShare"": 0.5,
   ""minSharingJoints"": 5
 }";
     }

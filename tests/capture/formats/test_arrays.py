@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from capture.formats import arrays, smpl
 from capture.formats.layouts import JOINT_SETS
+from capture.formats.options import ReadOptions
 from capture.formats.proportions import bone_ratios
 from capture.skeleton import JOINT_INDEX, JOINTS
 from puppetline.errors import SkeletonLogError
@@ -128,3 +129,30 @@ def test_an_archive_of_objects_is_called_one(read):
 def test_one_pose_may_be_a_row_of_numbers(read):
     [clip] = read(arrays, saved(np.save, joints_as(JOINT_SETS["mediapipe"])[0].ravel()))
     assert len(clip.times) == 1
+
+
+def test_features_of_humanml3d_become_joints(tmp_path):
+    """The features are made from joints as their paper defines them."""
+    rng, count = np.random.default_rng(2), 7
+    walk = np.cumsum(rng.uniform(-0.1, 0.1, (count, 3)), axis=0)
+    joints = smpl.positions(rng.uniform(-0.2, 0.2, (count, 22, 3)), walk)[1][:, :22]
+    half = 0.1 * np.arange(count)  # half of the turn of the root about y
+    away = Rotation.from_rotvec(np.outer(2 * half, [0, 1, 0]))  # from the file's axes to those of the root
+    features = np.zeros((count, 263))
+    features[:-1, 0] = np.diff(half)
+    features[:-1, 1:3] = away[1:].apply(np.diff(joints[:, 0], axis=0))[:, [0, 2]]
+    features[:, 3] = joints[:, 0, 1]
+    level = joints[:, 1:] - joints[:, :1] * [1, 0, 1]
+    features[:, 4:67] = np.stack([turn.apply(pose) for turn, pose in zip(away, level, strict=True)]).reshape(count, -1)
+    np.save(tmp_path / "features.npy", features.astype(np.float32))
+    np.save(tmp_path / "joints.npy", joints)
+    [clip] = arrays.read(tmp_path / "features.npy", ReadOptions())
+    [expected] = arrays.read(tmp_path / "joints.npy", ReadOptions(fps=20))
+    np.testing.assert_allclose(clip.positions, expected.positions, atol=1e-5)
+    np.testing.assert_allclose(clip.times, expected.times)
+
+
+def test_normalised_features_are_no_person(tmp_path):
+    np.save(tmp_path / "features.npy", np.random.default_rng(0).normal(size=(40, 263)))
+    with pytest.raises(SkeletonLogError, match="features of HumanML3D"):
+        arrays.read(tmp_path / "features.npy", ReadOptions())

@@ -25,6 +25,7 @@ from .bvh_files import (
     write,
 )
 
+RIGID_JOINTS = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
 RIGID = [name for name in PARENTS if name.split("_")[0] in ("knee", "ankle", "elbow", "wrist")]
 
 # Sensor coordinates of the body in its rest pose: it faces the sensor, with the hips at (0, 0, 2.5).
@@ -396,3 +397,44 @@ def test_a_four_legged_skeleton_is_an_animal_if_one_is_asked_for(tmp_path):
     assert (clip.legs, person.legs, resample(clip).legs) == (4, 2, 4)
     assert_allclose(clip.positions, person.positions)
     assert any("four-legged" in note for note in clip.notes)
+
+
+def test_an_end_far_from_its_hand_is_no_tip(tmp_path):
+    lines = ["HIERARCHY", *hierarchy(BODY), *motion(np.zeros((2, 3 + 3 * JOINT_COUNT)))]
+    hand = next(k for k, line in enumerate(lines) if line.endswith("JOINT RightHand"))
+    end = next(k for k in range(hand, len(lines)) if lines[k] == "End Site")
+    lines[end + 2] = "OFFSET 161 0 0"
+    [clip] = bvh.read(write(tmp_path, lines), ReadOptions())
+    [whole] = bvh.read(body_file(tmp_path), ReadOptions())
+    assert np.isnan(clip.positions[:, JOINT_INDEX["hand_right"]]).all()
+    others = [at for name, at in JOINT_INDEX.items() if name != "hand_right"]
+    assert_allclose(clip.positions[:, others], whole.positions[:, others], atol=1e-9)
+
+
+def test_animals_whose_joints_have_other_names_are_known_by_their_shape(tmp_path):
+    rows = np.zeros((4, 3 + 3 * sum(line.split()[0] in ("ROOT", "JOINT") for line in hierarchy(ANIMAL))))
+    rows[:, 3:] = np.random.default_rng(1).uniform(-12, 12, rows[:, 3:].shape)
+    lines = hierarchy(ANIMAL)
+    [named] = bvh.read(write(tmp_path, ["HIERARCHY", *lines, *motion(rows)]), ReadOptions(animals=True))
+    numbered = [
+        f"{line.split()[0]} b{k}" if line.split()[0] in ("ROOT", "JOINT") else line for k, line in enumerate(lines)
+    ]
+    path = write(tmp_path, ["HIERARCHY", *numbered, *motion(rows)], "numbered.bvh")
+    with pytest.raises(SkeletonLogError, match="a four-legged skeleton: no performer"):
+        bvh.read(path, ReadOptions())
+    [clip] = bvh.read(path, ReadOptions(animals=True))
+    assert clip.legs == 4
+    limbs = [JOINT_INDEX[f"{joint}_{side}"] for joint in RIGID_JOINTS for side in ("left", "right")]
+    assert_allclose(clip.positions[:, limbs], named.positions[:, limbs], atol=1e-9)
+
+
+def test_a_performer_may_lie_on_the_side_in_the_first_frame(tmp_path):
+    rows = np.zeros((5, 3 + 3 * JOINT_COUNT))
+    rows[:, 1] = 90
+    [whole] = bvh.read(body_file(tmp_path, rows), ReadOptions(up="y"))
+    rows[:2, 3] = 90, 89.9  # about z, from side to side
+    [clip] = bvh.read(body_file(tmp_path, rows), ReadOptions(up="y"))
+    assert_allclose(clip.positions[-3:], whole.positions[-3:], atol=1e-9)
+    rows[:, 3] = 90
+    with pytest.raises(SkeletonLogError, match="the left-to-right line of hips and shoulders points up"):
+        bvh.read(body_file(tmp_path, rows), ReadOptions(up="y"))

@@ -94,3 +94,10 @@ def test_joints_are_found_at_any_depth(tmp_path, form):
     [clip] = read_log(path)
     np.testing.assert_allclose(clip.positions, POSES, atol=1e-12)
     np.testing.assert_allclose(np.diff(clip.times), 1 / 25)
+
+
+def test_xml_without_positions_is_named(tmp_path):
+    path = tmp_path / "take"
+    path.write_text('<markers><marker name="elbow" colour="red"/></markers>')
+    with pytest.raises(SkeletonLogError, match="found XML with the keys markers, without positions in space"):
+        read_log(path)

@@ -202,3 +202,15 @@ def test_markers_on_shanks_are_at_no_shoulder(tmp_path):
         at |= {f"{letter}_sh{k}": np.add(middle, [0, 0.01 * k, 0]) for k in (2, 3)} | {f"{letter}SHN": middle}
     [clip] = read_log(trc(tmp_path / "b.trc", at), ReadOptions())
     np.testing.assert_array_equal(clip.positions, expected)
+
+
+def test_markers_may_be_lost_in_the_first_frames(tmp_path):
+    path = trc(tmp_path / "a.trc", body(), frames=6)
+    lines = path.read_text().splitlines()
+    count = lines[-1].count("\t")
+    lines[5:8] = [f"{k}\t{(k - 1) / 100}" + "\tnan" * (count - 1) for k in range(1, 4)]
+    path.write_text("\n".join(lines) + "\n")
+    [clip] = read_log(path, ReadOptions())
+    np.testing.assert_allclose(clip.times, [0.0, 0.01, 0.02, 0.03, 0.04, 0.05])
+    assert np.isnan(clip.positions[:3]).all()
+    assert np.isfinite(clip.positions[3:, JOINT_INDEX["head"]]).all()

@@ -314,3 +314,29 @@ def test_a_head_without_ears_is_where_the_nose_is():
     points = np.concatenate([np.delete(points, JOINT_INDEX["head"], axis=1), head, head * np.nan, head], axis=1)
     clip = clip_of_positions(PATH, "table", names, points, OPTIONS)
     assert (clip.confidence[:, JOINT_INDEX["head"]] > 0).all()
+
+
+@pytest.mark.parametrize("axes", [[0, 1, 2], [0, 2, 1]])
+def test_hips_that_have_no_position_are_placed_below_the_shoulders(axes):
+    poses = person()
+    names = [joint for joint in JOINTS if joint.split("_")[0] in ("head", "shoulder", "elbow", "wrist")]
+    own = poses[:, [JOINT_INDEX[joint] for joint in names]]
+    signs = [1, 1, 1] if axes[1] == 1 else [1, -1, 1]
+    clip = clip_of_positions(PATH, "table", names, 100 * own[..., axes] * signs, OPTIONS)
+    arms = [JOINT_INDEX[f"{joint}_{side}"] for joint in ("shoulder", "elbow", "wrist") for side in ("left", "right")]
+    bones, expected = (np.diff(each[:, arms[::2]], axis=1) for each in (clip.positions, poses))
+    np.testing.assert_allclose(np.linalg.norm(bones, axis=2), np.linalg.norm(expected, axis=2), atol=1e-9)
+    middle = clip.positions[:, [JOINT_INDEX["shoulder_left"], JOINT_INDEX["shoulder_right"]]].mean(axis=1)
+    down = middle - clip.positions[:, JOINT_INDEX["hip_center"]]
+    np.testing.assert_allclose(down[:, [0, 2]], 0, atol=1e-9)
+    assert (down[:, 1] > 0.2).all()
+    assert (down[:, 1] < 0.8).all()
+    assert "No position for the hips. They are placed below the shoulders." in clip.notes
+    assert np.isnan(clip.positions[:, JOINT_INDEX["knee_left"]]).all()
+
+
+def test_depths_of_positions_without_hips_may_be_those_of_an_image():
+    names = [joint for joint in JOINTS if joint.split("_")[0] in ("head", "shoulder", "elbow", "wrist")]
+    points = person()[:, [JOINT_INDEX[joint] for joint in names]] * [100, -100, 2]
+    with pytest.raises(SkeletonLogError, match="positions in an image"):
+        clip_of_positions(PATH, "table", names, points, OPTIONS)

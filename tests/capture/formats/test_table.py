@@ -383,6 +383,7 @@ def test_sentences_with_words_before_numbers_are_rows(read, sentence):
             lines += [sentence.format(k=k, name=name.title().replace("_", ""), x=x, y=y, z=z)]
     [clip] = read(table, lines)
     np.testing.assert_allclose(clip.positions, POSES, atol=1e-6)
+    assert "6 lines have another form than the others. They are omitted." in clip.notes
 
 
 def test_text_without_words_before_its_numbers_is_no_table(read):
@@ -396,3 +397,18 @@ def test_numbers_of_joints_may_follow_a_word_in_each_row(read, word):
     [clip] = read(table, ["Pose,Landmark,X,Y,Z", *rows])
     arms = [JOINT_INDEX[f"{joint}_{side}"] for joint in ("elbow", "wrist", "knee") for side in ("left", "right")]
     np.testing.assert_allclose(clip.positions[:, arms], person()[:, arms], atol=1e-9)
+
+
+def test_numbers_split_at_their_decimal_commas_are_whole_again(read):
+    """As programs write a table of commas where decimals have commas too."""
+    header = "Index,Time,User,Hand" + "".join(",Joint,Status,PositionX,PositionY,PositionZ,RotationW" for _ in JOINTS)
+    rows = []
+    for k, pose in enumerate(POSES):
+        cells = [str(k), str(129627 + 33 * k), "72057594038089027", "NOT_TRACKED"]
+        for name, point in zip(JOINTS, pose, strict=True):
+            numbers = [f"{value + 1e-7:.7f}".replace(".", ",") for value in point]
+            cells += [name.title().replace("_", ""), "TRACKED", *numbers, "0"]
+        rows.append(",".join(cells))
+    [clip] = read(table, [header, *rows])
+    np.testing.assert_allclose(clip.positions, POSES, atol=1e-6)
+    np.testing.assert_allclose(np.diff(clip.times), 0.033, atol=1e-6)

@@ -5,6 +5,8 @@ recording that becomes a film, and the page's own tests have the screen on the w
 """
 
 import io
+import os
+import signal
 import time
 from contextlib import closing, contextmanager
 from importlib import import_module
@@ -75,14 +77,21 @@ SHOWN = """(async () => {
 """JavaScript: the address that the screen shows, and which modules of its QR code are dark."""
 
 
-@contextmanager
-def kiosk(folder, source, puppet, free_port):
-    """Run a kiosk; return the address of its screen."""
+def services(folder, source, puppet, free_port):
+    """Start the service of a kiosk again and again; yield it with the address of its screen."""
     settings = SETTINGS.format(source=source, port=free_port(), phones=free_port(), puppet=puppet)
     (folder / "kiosk.toml").write_text(settings)
     arguments = "serve", "--config", "kiosk.toml", "--studio", free_port()
-    with closing(Command(*arguments, cwd=folder, environment={"XDG_STATE_HOME": str(folder)})) as service:
-        yield service.printed(r"http://\S+/kiosk#key=\S+")[0]
+    while True:
+        with closing(Command(*arguments, cwd=folder, environment={"XDG_STATE_HOME": str(folder)})) as service:
+            yield service, service.printed(r"http://\S+/kiosk#key=\S+")[0]
+
+
+@contextmanager
+def kiosk(folder, source, puppet, free_port):
+    """Run a kiosk; return the address of its screen."""
+    with closing(services(folder, source, puppet, free_port)) as started:
+        yield next(started)[1]
 
 
 @pytest.fixture(scope="module")
@@ -186,6 +195,23 @@ def test_a_screen_whose_drawing_surface_is_lost_draws_again_and_keeps_the_displa
     with screen.expect_navigation(timeout=1000 * TIMEOUT_SECONDS):
         screen.evaluate("surface.loseContext()")
     until(screen, f"{drawn} && !{surface}.isContextLost()")
+
+
+def test_a_screen_goes_on_with_its_characters_when_the_service_was_killed(
+    tmp_path, take, blob_puppet, free_port, opened
+):
+    with closing(services(tmp_path, f"replay:{take}?loop", blob_puppet, free_port)) as started:
+        service, address = next(started)
+        screen = opened(address, 320, 180)
+        until(screen, "window.screenShows?.characters.shown[0] > 30")
+        screen.evaluate("window.keptPage = true")
+        os.kill(service.pid, signal.SIGKILL)
+        until(screen, "screenShows.state() === 'offline'")
+        assert next(started)[1] == address
+        until(screen, "screenShows.state() === 'connected' && screenShows.characters.shown[0] < 30")
+        moved = screen.evaluate("screenShows.characters.images")
+        until(screen, f"screenShows.characters.images > {moved} + 2")
+        assert screen.evaluate("keptPage")
 
 
 def test_the_source_for_obs_draws_the_character_on_a_transparent_ground(visited_screen, opened):

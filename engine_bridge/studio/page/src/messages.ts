@@ -115,7 +115,7 @@ export interface ShareReply {
 }
 
 export interface ScreenSettings {
-  readonly run: string;
+  readonly version: string;
   readonly models: readonly string[];
   readonly kiosk: KioskScreen | null;
 }

@@ -28,6 +28,7 @@ export interface Shown {
 
 export function page(state: State, viewer: Shown): readonly Child[] {
   const { character, server } = state;
+  const working = server?.jobs.some((job) => job.state === "running") === true;
   const started = server !== null && server.characters.length > 0 && character !== null && !state.adding;
   return [
     header(state),
@@ -35,7 +36,7 @@ export function page(state: State, viewer: Shown): readonly Child[] {
     started
       ? h(
           "main",
-          { class: `studio ${state.face} ${state.drawer === null ? "" : `with-${state.drawer}`}`, key: "studio" },
+          { class: `studio ${state.face} ${state.drawer === null ? "" : `with-${state.drawer}`} ${working ? "working" : ""}`, key: "studio" },
           state.face === "film" ? characters(state) : performer(state),
           h(
             "div",

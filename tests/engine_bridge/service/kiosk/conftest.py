@@ -1,5 +1,7 @@
 """Kiosks with a small character, on the clock that a test is given."""
 
+import math
+from concurrent.futures import Future
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -10,6 +12,7 @@ from engine_bridge.service.background_jobs import Jobs
 from engine_bridge.service.kiosk.clip import FOLDER
 from engine_bridge.service.kiosk.kiosk import Kiosk
 from engine_bridge.service.kiosk.kiosk_table import KioskTable
+from puppetline import clock
 
 from ..in_process import AtOnce
 from ..takes.conftest import make_theatre
@@ -52,6 +55,38 @@ def films(monkeypatch):
     return made, codes
 
 
+def follow(jobs):
+    """Call what follows the jobs that have finished."""
+    while finished := jobs.take_finished():
+        for future, then in finished:
+            then(future)
+
+
+class Slowly:
+    """An executor on the given clock: one job at a time, each of which takes some seconds."""
+
+    def __init__(self, seconds):
+        self.seconds, self.waiting, self._free_at = seconds, [], -math.inf
+
+    def submit(self, work):
+        """Begin a job when all before it have ended."""
+        future = Future()
+        self._free_at = max(self._free_at, clock.now()) + self.seconds
+        self.waiting.append((self._free_at, work, future))
+        return future
+
+    def finish(self, jobs):
+        """End the jobs whose time has come, and what follows them."""
+        while self.waiting and self.waiting[0][0] <= clock.now():
+            _, work, future = self.waiting.pop(0)
+            future.set_result(work())
+            follow(jobs)
+
+    def shutdown(self, wait=True, cancel_futures=False):
+        """Forget what waits."""
+        self.waiting.clear()
+
+
 class Runner:
     """A stage with a performer who drives a character, and whose hands are up when a visitor begins and ends."""
 
@@ -60,12 +95,13 @@ class Runner:
         self.stage = SimpleNamespace(
             name="stage", players=[SimpleNamespace(user=1, character=character, document=document)]
         )
-        self.recording = None
+        self.recording, self.recorded = None, []
 
     def start(self, _, path, seconds):
         """Begin a take, as the count-in does."""
         path.write_bytes(b"take")
         self.recording = path.stem
+        self.recorded.append(path.stem)
 
     def left(self, _):
         """Return the seconds of the count-in."""
@@ -79,13 +115,9 @@ class Runner:
 
 @pytest.fixture
 def visit(visitors, films, given_clock, tmp_path):
-    """Have visitors come to a kiosk, each of whom records ten seconds."""
+    """Have visitors come to a kiosk, each of whom records ten seconds; films take no time unless a test says so."""
     jobs, runner = Jobs(lambda *_: AtOnce()), Runner(tmp_path / "dog.toml")
-
-    def finish():
-        while finished := jobs.take_finished():
-            for future, then in finished:
-                then(future)
+    jobs.filming = Slowly(0.0)
 
     def come(count, every=60.0, kiosk=None):
         kiosk = kiosk or Kiosk(KioskTable(count_in=0), tmp_path / "takes", runner, lambda *_: None, jobs)
@@ -93,10 +125,24 @@ def visit(visitors, films, given_clock, tmp_path):
             for seconds in (10.0, every):
                 kiosk._asked.add(runner)
                 kiosk.advance([runner])
-                finish()
+                follow(jobs)
+                jobs.filming.finish(jobs)
                 given_clock.advance(seconds)
         return kiosk
 
+    def wait(kiosk, seconds):
+        """Let a second pass after another; nobody comes."""
+        for _ in range(seconds):
+            given_clock.advance(1.0)
+            jobs.filming.finish(jobs)
+            kiosk.advance([])
+
+    def slow_films(seconds):
+        """Let films take this long from now on, as if the service had just started."""
+        jobs.filming = Slowly(seconds)
+        jobs.take_finished()
+
+    come.wait, come.slow_films, come.recorded = wait, slow_films, runner.recorded
     yield come
     jobs.close()
 

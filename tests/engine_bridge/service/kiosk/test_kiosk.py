@@ -125,6 +125,41 @@ def test_a_week_of_visitors_leaves_nothing_behind(visit, visitors, films, given_
     assert not [each for each in process.open_files() if Path(each.path).parent == visitors]
 
 
+def test_a_long_queue_of_films_keeps_its_order_and_every_film_its_time(visit, visitors, films, tmp_path):
+    """A visitor comes every 20 s, but a film takes 45 s: in the end, 34 of 60 takes wait, up to 25 minutes."""
+    visit.slow_films(45.0)
+    kiosk = visit(60, every=10.0)
+    made = [path.stem for path in films[0]]
+    assert len(visit.recorded) == 60
+    assert made == visit.recorded[:26]  # in 1190 s from the end of the first take on
+    waiting = [each.code for each in kiosk.clips if each.seconds_left is None]
+    assert waiting == visit.recorded[26:]
+    assert {path.stem for path in visitors.glob("*.log")} == {each.code for each in kiosk.clips}
+    for _ in waiting:
+        visit.wait(kiosk, 45)
+        offered = [each.code for each in kiosk.clips if each.seconds_left is not None]
+        assert offered == visit.recorded[: len(films[0])][-len(offered) :]
+        assert len(offered) in (13, 14)  # each for ten minutes
+    assert [path.stem for path in films[0]] == visit.recorded
+    assert {path.stem for path in visitors.iterdir()} == {*offered}
+    visit.wait(kiosk, 600)
+    assert list(visitors.iterdir()) == []
+    assert not [each for each in gc.get_objects() if type(each) is Clip and each.path.is_relative_to(tmp_path)]
+
+
+def test_the_next_service_continues_a_long_queue_in_its_order(visit, visitors, films):
+    visit.slow_films(45.0)
+    kiosk = visit(12, every=10.0)
+    recorded = [each.code for each in kiosk.clips]
+    made = len(films[0])
+    assert 0 < made < 12
+    visit.slow_films(45.0)  # the first service is killed
+    again = visit(0)
+    assert [each.code for each in again.clips] == recorded
+    visit.wait(again, 12 * 45)
+    assert [path.stem for path in films[0]] == recorded
+
+
 def test_a_service_that_cannot_start_keeps_the_clips_of_a_crashed_one(open_kiosk, visitors, films, monkeypatch):
     theatre = open_kiosk()
     theatre.run(10.5)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from engine_bridge.film import scene as scenes
+from engine_bridge.film.film import make_video
 from engine_bridge.film.framing import Shots
 from engine_bridge.film.production import produce
 from engine_bridge.puppet import puppet_file
@@ -100,15 +101,23 @@ def test_a_bubble_is_in_the_picture_while_its_character_says_it(planned):
 
 def test_other_words_move_nobody_and_need_no_new_takes(planned, monkeypatch):
     before, _ = planned()
-    monkeypatch.setattr(film_plans, "produce", None)
+    monkeypatch.setattr("engine_bridge.film.production.produce", None)
     after, _ = planned("Hello!")
     assert before.bubbles != after.bubbles
     assert [each.places for each in before.moments] == [each.places for each in after.moments]
 
 
+def test_a_film_is_made_of_the_takes_that_its_plan_has_solved(planned, monkeypatch, tmp_path, opengl):
+    _, production = planned()
+    monkeypatch.setattr("engine_bridge.film.production.produce", None)
+    made = make_video(production.path, tmp_path / "film.gif", 0.0, 0.2, False, quiet)
+    assert made.frames == 3  # a .gif has at most 15 frames per second
+    assert made.notes == production.notes
+
+
 def test_a_mesh_that_was_replaced_is_measured_again(planned, limbed_puppet, monkeypatch):
     planned()
-    monkeypatch.setattr(film_plans, "produce", None)
+    monkeypatch.setattr("engine_bridge.film.production.produce", None)
     mesh = limbed_puppet.parent / puppet_file.load(limbed_puppet).character.mesh
     os.utime(mesh, ns=(0, mesh.stat().st_mtime_ns + 1))
     with pytest.raises(TypeError, match="'NoneType' object is not callable"):

@@ -5,6 +5,10 @@ import json
 import aiohttp
 import pytest
 
+from engine_bridge.service.kiosk.kiosk_table import KioskTable, ScreenTable
+from engine_bridge.studio.screen.kiosk import VisitorsKiosk
+from engine_bridge.studio.web.screen_routes import ScreenRoutes
+
 CODE = "K7M2QX"
 
 
@@ -41,6 +45,26 @@ def test_a_screen_gets_its_settings_with_its_key_or_a_session(studio, key):
     assert studio.http("GET", "/screen/files/logo")[::2] == (200, b"<svg/>")
     for path in ("film", "kiosk.toml", "..%2fkiosk.toml"):
         assert studio.http("GET", f"/screen/files/{path}")[0] == 404
+
+
+def test_a_screen_loads_its_page_again_only_if_it_would_look_different(tmp_path):
+    (tmp_path / "page").mkdir()
+    page, logo = tmp_path / "page" / "screen.html", tmp_path / "logo.svg"
+
+    def version(**table):
+        screen = ScreenTable(logo=logo.name, **table)
+        kiosk = VisitorsKiosk(KioskTable(screen=screen), tmp_path, tmp_path, {"a": tmp_path / "missing.toml"})
+        return ScreenRoutes(page, lambda _: None, dict, kiosk)._version
+
+    page.write_text("one")
+    logo.write_text("one")
+    first = version()
+    assert version() == first  # of another start
+    versions = [first, version(title="Museum")]
+    for changed in (page, logo):
+        changed.write_text("another")
+        versions.append(version())
+    assert len({*versions}) == 4
 
 
 def test_the_key_opens_nothing_else_and_ends_when_its_file_is_gone(studio, key):

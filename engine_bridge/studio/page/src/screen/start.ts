@@ -10,8 +10,9 @@ import { fetched, screenKey } from "./key";
 import { kiosk } from "./kiosk";
 import { type Seen, newest, noticed, phaseOf } from "./phase";
 
-/** Interval at which the settings are fetched and the words are drawn, in milliseconds. */
+/** Interval at which the settings are fetched, without a service too, and at which the words are drawn, in milliseconds. */
 const SETTINGS_MS = 2000;
+const AWAY_MS = 400;
 const WORDS_MS = 250;
 
 /** Time after which a request for the settings is given up, so that they do not pile up without a network, in milliseconds. */
@@ -44,14 +45,14 @@ client.subscribe("service/status", ({ body }) => {
   show();
 });
 
-/** The server may have restarted with another page, and the network or the materials may have changed. */
+/** The server may have restarted, perhaps with another page, and the network or the materials may have changed. */
 async function refresh(): Promise<void> {
   try {
     const fresh = (await (await fetched("/screen", key, REQUEST_MS)).json()) as ScreenSettings;
-    if (settings !== null && settings.run !== fresh.run) location.reload();
+    if (settings !== null && settings.version !== fresh.version) location.reload();
     [settings, problem] = [fresh, ""];
     characters.dress(fresh.models);
-    if (client.state === "refused") client.retry(); // the key is valid again
+    client.retry(); // without the pause after each failure; or the key is valid again
   } catch (error) {
     problem = error instanceof Error && error.message.endsWith("401") ? "401" : "offline";
   }
@@ -81,7 +82,7 @@ Object.assign(window, { screenShows: { characters, report: () => report, state: 
 
 async function refreshAgain(): Promise<void> {
   await refresh();
-  setTimeout(() => void refreshAgain(), SETTINGS_MS);
+  setTimeout(() => void refreshAgain(), client.state === "connected" && problem === "" ? SETTINGS_MS : AWAY_MS);
 }
 
 setInterval(show, WORDS_MS);

@@ -35,8 +35,8 @@ const SLOW_MS = 70;
 /** Greatest time after an image in which nothing is drawn, in milliseconds. */
 const GREATEST_IDLE_MS = 200;
 
-/** The same on a slow machine that works at something long, such as a film. */
-const WORKING_IDLE_MS = 1000;
+/** The same on a slow machine that works at something long, such as a film, unless the camera is moved. */
+const WORKING_IDLE_MS = 4000;
 
 /** Least number of drawn pixels per pixel of the page, along each side. */
 const LEAST_RATIO = 0.6;
@@ -102,7 +102,10 @@ export class Stage {
   /** Let the pointer over an element move the camera. */
   control(element: HTMLElement): void {
     this.orbit = new OrbitControls(this.camera, element);
-    this.orbit.addEventListener("change", this.changed);
+    this.orbit.addEventListener("change", () => {
+      this.idleUntil = 0;
+      this.changed();
+    });
   }
 
   /** Show a place around the characters, see `Backdrop.show`. */

@@ -152,7 +152,7 @@ const JSON_TEXT := """
   },
   "decoration": "b c j m mixamorig def cc base bip valve biped bn bone bend col",
   "controls": "ik fk pole target ctrl control mch org twist roll heel end nub helper",
-  "sharedWordShare": 0.75,
+  "sharedWordShare": 0.5,
   "minSharingJoints": 5
 }
 """

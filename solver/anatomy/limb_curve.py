@@ -389,8 +389,8 @@ def _end_of_hand(arm: LimbCurve, shoulder: float, size: float) -> float:
     top = arm.index(shoulder)
     for place in range(top - 1, 0, -1):
         so_far = shoulder - arm.along[place]
-        # the depth of a slender forearm is known to half a cell
-        thin = arm.depth[:place] + size / 2 < MAX_HELD_THICKNESS * np.median(arm.depth[place:top])
+        # depths are up to half a cell too small, which is much of a slender forearm's
+        thin = arm.depth[:place] + size / 4 < MAX_HELD_THICKNESS * np.median(arm.depth[place:top])
         if (
             so_far > 3 * arm.depth[top]
             and thin[-1]

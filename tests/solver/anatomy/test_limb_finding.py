@@ -252,7 +252,7 @@ def test_arms_in_the_body_go_straight_to_where_the_user_says():
 
 HANDS_DOWN = [((0.1, 1.42, 0.0), SHOULDER, 0.09), (SHOULDER, (0.6, 0.05, 0.0), 0.06)]
 GUN = [((0.5, 1.2, 0.15), (0.55, -0.25, 0.15), 0.05)]
-SLENDER = [(SHOULDER, (0.55, 1.43, 0.0), 0.04), ((0.55, 1.43, 0.0), (0.95, 1.4, 0.0), 0.022)]
+SLENDER = [(SHOULDER, (0.55, 1.43, 0.0), 0.045), ((0.55, 1.43, 0.0), (0.95, 1.4, 0.0), 0.026)]
 
 
 @pytest.mark.parametrize(

@@ -175,6 +175,23 @@ def documented(folder: Path, browser: Any, save: Save) -> None:
         page.locator(".panel button.line", has_text="left arm").first.click()
         page.wait_for_timeout(2000)
         save("studio_limb", page.screenshot())
+        page.close()
+    sensor(folder / "sensor", browser, save)
+
+
+def sensor(folder: Path, browser: Any, save: Save) -> None:
+    """Save the image of what a camera sees, beside the human that its performer moves."""
+    with studio(folder, **CAMERA) as addresses:
+        page = browser.new_context(viewport=SIZE, color_scheme="light").new_page()
+        page.goto(next(addresses))
+        page.get_by_role("button", name="Human", exact=True).click()
+        until(page, f"state.server?.characters.length === 1 && {MOVING}")
+        page.get_by_role("button", name="Use my webcam", exact=True).click()
+        until(page, "state.server.source.uri === 'camera:0' && state.server.performers.length === 1")
+        page.get_by_role("button", name="Show what the camera sees", exact=True).click()
+        until(page, "state.look?.picture && state.look.performers.length === 1")
+        page.wait_for_timeout(3000)  # the picture is drawn, and the performer is calibrated
+        save("studio_sensor", page.screenshot())
 
 
 def shown_by_the_page(folder: Path, save: Path) -> None:

@@ -17,6 +17,9 @@ const GAP = 0.25;
 /** Share of the way that the camera goes per second, to follow a character that walks. */
 const FOLLOWING = 2;
 
+/** Time between images while the machine makes a film without a graphics card, in milliseconds. */
+const WORKING_MS = 1000;
+
 export class Characters {
   private readonly stage: Stage;
   private readonly figures = new Map<string, Figure>();
@@ -135,7 +138,7 @@ export class Characters {
     this.frame();
     this.stage.render();
     if (this.complete) this.images++;
-    if (this.paced) this.stage.keepPace(this.working);
+    if (this.paced) this.stage.keepPace(this.working ? WORKING_MS : 0);
   }
 }
 

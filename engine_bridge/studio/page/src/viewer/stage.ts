@@ -35,8 +35,6 @@ const SLOW_MS = 70;
 /** Greatest time after an image in which nothing is drawn, in milliseconds. */
 const GREATEST_IDLE_MS = 200;
 
-/** The same on a slow machine that works at something long, such as a film, unless the camera is moved. */
-const WORKING_IDLE_MS = 4000;
 
 /** Least number of drawn pixels per pixel of the page, along each side. */
 const LEAST_RATIO = 0.6;
@@ -187,12 +185,12 @@ export class Stage {
   }
 
   /**
-   * Draw fewer pixels, and then fewer images, if they follow each other slowly, as without a graphics card, and fewest
-   * if the machine works at something else.
+   * Draw fewer pixels, and then fewer images, if they follow each other slowly, as without a graphics card. While such a
+   * machine works at something else, as at a film, images follow each other after at least `working` milliseconds.
    */
-  keepPace(working: boolean): void {
+  keepPace(working: number): void {
     const now = performance.now();
-    this.idleUntil = now + (working && this.idle > 0 ? WORKING_IDLE_MS : this.idle);
+    this.idleUntil = now + (this.idle > 0 ? Math.max(working, this.idle) : 0);
     if (this.images === 0) this.measuredFrom = now;
     if (this.images++ < MEASURED_IMAGES) return;
     const interval = (now - this.measuredFrom) / MEASURED_IMAGES;

@@ -18,6 +18,9 @@ import { Portraits } from "./portraits";
 import { FRONT, SIDE, Stage } from "./stage";
 import { type Draft, characterAt, dragged } from "./standing";
 
+/** Time between images while the machine makes a film without a graphics card, in milliseconds, unless the camera moves. */
+const WORKING_MS = 4000;
+
 /** Distance that the pointer moves before a click becomes a drag, in pixels. */
 const SLOP = 4;
 
@@ -309,7 +312,7 @@ export class Viewer {
       this.stage.render();
       this.drawOverlay();
     }
-    this.stage.keepPace(server?.jobs.some(({ state }) => state === "running") ?? false);
+    this.stage.keepPace(server?.jobs.some(({ state }) => state === "running") === true ? WORKING_MS : 0);
   }
 
   private accompany(): void {

@@ -5,6 +5,7 @@ import os
 import sys
 
 from puppetline.child_process import end_with_parent
+from puppetline.interrupts import repeated_interrupts
 
 
 def run() -> None:
@@ -16,11 +17,12 @@ def run() -> None:
             stream.reconfigure(errors="replace")
     end_with_parent()
     try:
-        from engine_bridge.cli.compile_ahead import second_process
-        from engine_bridge.cli.main import main
+        with repeated_interrupts():
+            from engine_bridge.cli.compile_ahead import second_process
+            from engine_bridge.cli.main import main
 
-        with second_process():
-            main()
+            with second_process():
+                main()
     except KeyboardInterrupt:
         sys.exit("puppetline: stopped")
     finally:

@@ -17,15 +17,15 @@ else:
 """Options of a child process that Ctrl-C does not reach, and the signal that asks it to end."""
 
 REPEAT_SECONDS = 0.01
-"""Time after which an interrupt that a callback of a C library has discarded is raised again, in seconds."""
+"""Time after which an interrupt that was discarded is raised again, in seconds."""
 
 
 @contextlib.contextmanager
 def repeated_interrupts(discarded: Callable[[], None] = lambda: None) -> Iterator[None]:
-    """Raise a KeyboardInterrupt again that a callback of a C library has discarded.
+    """Raise a KeyboardInterrupt again that a callback has discarded.
 
-    Python prints and discards an exception in such a callback, as of LLVM while Numba compiles. Enter it in the main
-    thread.
+    Python prints and discards an exception in a callback of a C library, as of LLVM while Numba compiles, and in one of
+    its own, as after each import. Enter it in the main thread.
 
     Parameters
     ----------

@@ -56,6 +56,29 @@ def body_file(folder, rows=None, name="take.bvh", **changes):
     return write(folder, ["HIERARCHY", *hierarchy(BODY, **changes), *motion(rows)], name)
 
 
+def animal_leg(name, x, z):
+    side = "Left" if x > 0 else "Right"
+    joints = {"Hind": ("UpLeg", "Leg", "Foot", "ToeBase"), "Front": ("Arm", "ForeArm", "Hand", "HandIndex1")}[name]
+    tree = ("", (0, 0, 4), [])
+    for joint, offset in zip(joints[::-1], ((0, -6, 5), (0, -25, 0), (0, -25, 0), (x, -5, z)), strict=True):
+        tree = (f"{side}{joint}", offset, [tree])
+    return tree
+
+
+ANIMAL = ("Hips", (0, 0, 0), [
+    ("Spine", (0, 0, 20), [("Neck", (0, 5, 45), [("Head", (0, 20, 15), [("", (0, 0, 20), [])])]),
+                           animal_leg("Front", 9, 35), animal_leg("Front", -9, 35)]),
+    animal_leg("Hind", 9, 0), animal_leg("Hind", -9, 0),
+])  # fmt: skip
+
+
+def animal_file(folder, name="take.bvh"):
+    """Write an animal on four legs that stands still."""
+    lines = hierarchy(ANIMAL)
+    joints = sum(line.split()[0] in ("ROOT", "JOINT") for line in lines)
+    return write(folder, ["HIERARCHY", *lines, *motion(np.zeros((3, 3 + 3 * joints)))], name)
+
+
 def random_rows(frames=6, seed=3):
     """Return a recording of small bends; the columns are root x y z, then z y x degrees of each joint."""
     rows = np.random.default_rng(seed).uniform(-35, 35, (frames, 3 + 3 * JOINT_COUNT))

@@ -13,10 +13,12 @@ from capture.timeline import resample
 from puppetline.errors import SkeletonLogError
 
 from .bvh_files import (
+    ANIMAL,
     BODY,
     JOINT_COUNT,
     POSITIONS,
     ROTATIONS,
+    animal_file,
     body_file,
     clips_of,
     hierarchy,
@@ -371,25 +373,8 @@ def test_ends_of_joints_with_positions_only_are_nowhere(tmp_path):
         assert_allclose(*(each.positions[:, tip] - each.positions[:, root] for each in (clip, whole)), atol=1e-6)
 
 
-def animal_leg(name, x, z):
-    side = "Left" if x > 0 else "Right"
-    joints = {"Hind": ("UpLeg", "Leg", "Foot", "ToeBase"), "Front": ("Arm", "ForeArm", "Hand", "HandIndex1")}[name]
-    tree = ("", (0, 0, 4), [])
-    for joint, offset in zip(joints[::-1], ((0, -6, 5), (0, -25, 0), (0, -25, 0), (x, -5, z)), strict=True):
-        tree = (f"{side}{joint}", offset, [tree])
-    return tree
-
-
-ANIMAL = ("Hips", (0, 0, 0), [
-    ("Spine", (0, 0, 20), [("Neck", (0, 5, 45), [("Head", (0, 20, 15), [("", (0, 0, 20), [])])]),
-                           animal_leg("Front", 9, 35), animal_leg("Front", -9, 35)]),
-    animal_leg("Hind", 9, 0), animal_leg("Hind", -9, 0),
-])  # fmt: skip
-
-
 def test_a_four_legged_skeleton_is_an_animal_if_one_is_asked_for(tmp_path):
-    joints = sum(line.split()[0] in ("ROOT", "JOINT") for line in hierarchy(ANIMAL))
-    path = write(tmp_path, ["HIERARCHY", *hierarchy(ANIMAL), *motion(np.zeros((3, 3 + 3 * joints)))])
+    path = animal_file(tmp_path)
     with pytest.raises(SkeletonLogError, match="a four-legged skeleton: no performer"):
         bvh.read(path, ReadOptions())
     [clip] = bvh.read(path, ReadOptions(animals=True))

@@ -19,6 +19,7 @@ from engine_bridge.character import examples
 from engine_bridge.cli.main import main
 from engine_bridge.pictures import clip_sheet, lighting
 
+from ...capture.formats.bvh_files import animal_file
 from ...test_documentation import PAGES, ROOT, blocks, commands, name_of
 
 pytestmark = pytest.mark.slow
@@ -97,6 +98,8 @@ def folder(tmp_path_factory, short_examples, blob, blob_file, limbed_puppet, tak
     record_events(folder / "whole.log", clean("walk").frames())
     record_events(folder / "out" / "walk.log", PERFORMANCES["walk"]().frames())  # that of the biped, which is not made
     igl.write_triangle_mesh(str(folder / "robot.obj"), blob.vertices.astype(float), blob.faces)
+    shutil.copy(folder / "out" / "dog.glb", folder / "horse.glb")
+    animal_file(folder, "dog_walk.bvh")
     both = np.vstack([blob.vertices, blob.vertices + np.array([2 * np.ptp(blob.vertices[:, 0]), 0, 0])])
     igl.write_triangle_mesh(str(folder / "couple.obj"), both, np.vstack([blob.faces, blob.faces + len(blob.vertices)]))
     for name in ("recordings/a.log", "more/1/S001.skeleton", "take.bvh", "dance.txt", "evening.log", "kung_fu.log"):

@@ -201,7 +201,7 @@ def test_a_stopped_service_ends_cleanly_and_leaves_a_complete_take(serve, blob_p
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("loaded", ["engine_bridge.service.system_signals", "engine_bridge.service.service"])
+@pytest.mark.parametrize("loaded", ["engine_bridge.service.system_signals", "engine_bridge.service.monitoring.logs"])
 def test_a_stop_during_the_start_ends_it_cleanly(blob_puppet, loaded):
     command = [sys.executable, "-m", "puppetline", *SERVE, "--puppet", blob_puppet, "--source", "osc:0"]
     told = os.environ | {"PYTHONPROFILEIMPORTTIME": "1"}  # each module on standard error, as soon as it is loaded

@@ -141,7 +141,7 @@ export const TABLE = {
     "head": "head skull 頭",
     "jaw": "jaw jawroot mandible chin lowermouth mouthlower lowerjaw jawlower あご 顎",
     "eye": "eye eyes 目",
-    "face": "face nose mouth muzzle snout beak bill brow eyebrow eyelid lid cheek lip lips tongue tooth teeth tusk nostril whisker",
+    "face": "face nose mouth muzzle snout beak bill brow eyebrow eyelid lid cheek lip lips tongue teeth tusk",
     "ear": "ear ears 耳",
     "shoulder": "shoulder sho clavicle collar collarbone scapula 肩",
     "upperArm": "arm upperarm armupper uparm uarm shldr humerus 腕",

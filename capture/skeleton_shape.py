@@ -72,9 +72,7 @@ def shape_of(parents: Sequence[int], rest: Points, is_end: Sequence[bool]) -> Sh
     up, legs = found
     arms = [limb for limb in limbs if limb not in legs]
     if len(legs) == 2:
-        [(hind, front)] = [pair for pair in (legs, legs[::-1]) if tree.path(pair[1].attached, pair[0].attached)] or [
-            legs
-        ]
+        hind, front = legs[::-1] if tree.path(legs[0].attached, legs[1].attached) else legs
         ahead = tree.rest[front.attached] - tree.rest[hind.attached]
         return Shape(4, _joints(tree, hind, front, up, across, pairs, ahead))
     if len(legs) != 1 or not arms:

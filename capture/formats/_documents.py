@@ -67,10 +67,10 @@ def _xml(path: Path) -> Any:
         parent = open_elements[-1]
         if name not in parent:
             parent[name] = value
-        elif isinstance(parent[name], _Repeated):
+        elif isinstance(parent[name], list):
             parent[name].append(value)
         else:
-            parent[name] = _Repeated([parent[name], value])
+            parent[name] = [parent[name], value]
 
     parser = expat.ParserCreate()
     parser.StartDoctypeDeclHandler = refuse
@@ -87,10 +87,6 @@ def _xml(path: Path) -> Any:
             fix="Export the file again.",
         ) from error
     return root
-
-
-class _Repeated(list[Any]):
-    """The values of elements with the same name."""
 
 
 def _lists(path: Path, line: int, text: str) -> Any:

@@ -65,7 +65,7 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
     Raises
     ------
     SkeletonLogError
-        The document is no JSON, or has no positions in space of a person's landmarks.
+        The document cannot be read, or has no positions in space of a person's landmarks.
     """
     document = load(path)
     people: dict[int, list[tuple[int, dict[str, Any], _Pose]]] = {}
@@ -77,7 +77,8 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
         with opened(path) as file:
             head = file.read(20_000)
         is_flat = re.search(b"_2d|keypoints", head) is not None
-        kind = "XML" if head.lstrip(b"\xef\xbb\xbf \r\n\t").startswith(b"<") else "JSON"
+        start = head.lstrip(b"\xef\xbb\xbf \r\n\t")[:1]
+        kind = "XML" if start == b"<" else "JSON" if start in (b"{", b"[") else "lists in brackets"
         keys = f" with the keys {', '.join(map(str, list(document)[:8]))}" if isinstance(document, dict) else ""
         raise SkeletonLogError(
             path,

@@ -71,12 +71,12 @@ MAX_RISE = 1.0
 MIN_MOTION = 0.05
 """Motion of a joint along an axis below which the heights along this axis tell nothing, in statures."""
 
-MIN_AGREEMENT, FACING_AGREEMENT = 0.3, (0.4, 0.8)
-"""How clearly faces, feet, knees and elbows must point backwards if coordinates are left-handed, of about 3.
+MIN_AGREEMENT = 0.3
+"""How clearly faces, feet, knees and elbows must point backwards if coordinates are left-handed, of about 3."""
 
-It is more by the second value if the performer faces a sensor in right-handed coordinates, and less by the third if
-only in left-handed ones.
-"""
+FACING_AGREEMENT, FACING_DISAGREEMENT = 0.4, 0.8
+"""How much more clearly they must do so if the performer faces a sensor in right-handed coordinates, and how much less
+if only in left-handed ones."""
 
 _HEIGHT = ("head", "shoulder_center", "spine", "knee_right", "ankle_right")
 """Joints at the ends of the bones that a person's height consists of."""
@@ -183,8 +183,7 @@ def place(
     notes: tuple[str, ...] = (size.note, up_note)
     ahead = np.cross(up, across - np.outer(across @ up, up))
     facing = {sign: by_sensor and _in_view(points, unit * _sensor_axes(up, sign), sign * ahead) for sign in (1.0, -1.0)}
-    more, less = FACING_AGREEMENT
-    needed = MIN_AGREEMENT + (more if facing[1.0] else -less if facing[-1.0] else 0.0)
+    needed = MIN_AGREEMENT + (FACING_AGREEMENT if facing[1.0] else -FACING_DISAGREEMENT if facing[-1.0] else 0.0)
     handed = 1.0
     if _front_agreement(points, front, across) < -needed:
         handed = -1.0

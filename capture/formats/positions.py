@@ -71,7 +71,7 @@ _ELBOWS, _WRISTS, _HANDS, _KNEES = (
 )
 _REQUIRED = ("hip_center", *(f"shoulder_{side}" for side in _SIDES))
 """Joints without which positions are no person's; elbows too, if there are wrists or no knees. All others may be lost,
-and the hips of a body with a head and elbows.
+and the hips of a body with a head, elbows and wrists.
 """
 
 

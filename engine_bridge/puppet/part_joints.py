@@ -241,13 +241,16 @@ def _first(spanning: csr_array, meanings: Sequence[JointMeaning | None], areas: 
     named = [row for row, meaning in enumerate(meanings) if meaning and LABEL_OF.get(meaning.part) == "trunk"]
     if named:
         return max(named, key=lambda row: areas[row])
-    largest = dict[int, float]()
-    for row, meaning in enumerate(meanings):
+    pieces = list[list[float]]()
+    for row in range(len(areas)):
         order, above = breadth_first_order(spanning, row, directed=False)
         held = areas.copy()
         for each in order[:0:-1]:
             held[above[each]] += held[each] if above[each] != row else 0.0
-        pieces = [float(held[each]) for each in order[1:] if above[each] == row]
-        nameless = meaning is None and len(pieces) > 1  # what carries a head and arms, and not an eye
-        largest[row] = max(pieces, default=0.0) - float(areas.sum()) * nameless
-    return min(largest, key=lambda row: largest[row])
+        pieces.append([float(held[each]) for each in order[1:] if above[each] == row])
+
+    def rank(row: int) -> tuple[bool, float]:
+        is_between = meanings[row] is None and len(pieces[row]) > 1  # what carries a head and arms, and not an eye
+        return not is_between, max(pieces[row], default=0.0)
+
+    return min(range(len(areas)), key=rank)

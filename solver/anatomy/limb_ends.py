@@ -12,7 +12,8 @@ from solver.anatomy.solid import fill
 from solver.surface.mesh import SolverMesh
 
 MAX_FOOT_HEIGHT, MAX_GROUND_HEIGHT = 0.2, 0.1
-"""Height below which both feet of a pair end, and below which at least one of them ends, as shares of the height."""
+"""Height below which both feet of a pair end, and height above the lowest foot of any pair below which at least one of
+them ends, as shares of the height. For a body that lies, both are heights above its lowest place."""
 
 MAX_LEVEL_DIFFERENCE = 0.05
 """Maximum difference in height between pairs of feet that both stand on the ground, as a share of the height. Of

@@ -302,9 +302,8 @@ class Studio(Backend):
 
         async def work(progress: Progress) -> dict[str, Any]:
             output = self.workspace.new_export("film", ".mp4")
-            # the worker that has planned the film has solved its takes; meanwhile, another one plans
-            maker, self._planner, self._exporter = self._planner, self._exporter, self._planner
-            made = await maker.run("make_film", self._film.file.path, output, progress=progress)
+            self._planner, self._exporter = self._exporter, self._planner  # the planner has solved the film's takes
+            made = await self._exporter.run("make_film", self._film.file.path, output, progress=progress)
             file = self.workspace.offer(output, output.name, "export")
             return film.FilmReply(file=file.id, name=file.name, **made).model_dump(mode="json")
 

@@ -116,13 +116,17 @@ def check_one_of(path: Path, endings: Iterable[str], expected: str, fix: str, in
     check_writable(path, ending, inputs)
 
 
-def check_new(path: Path, fix: str, expected: str = "a new name") -> None:
+REPLACING = "Choose another name, or replace it with --force."
+"""How to go on when a file of this name exists already."""
+
+
+def check_new(path: Path, fix: str = REPLACING, expected: str = "a new name") -> None:
     """Check before the work that a result replaces no file.
 
     Parameters
     ----------
     path : Path
-    fix, expected : str
+    fix, expected : str, optional
         Parts of the error's message.
 
     Raises

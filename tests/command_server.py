@@ -26,9 +26,9 @@ from puppetline.__main__ import run
 
 MODULES = (
     "capture.sources.alignment",
+    "capture.sources.take",
     "engine_bridge.inspection.files",
     "engine_bridge.cli.main",
-    "engine_bridge.cli.recording",
     "engine_bridge.client.listening",
     "engine_bridge.export.bake",
     "engine_bridge.export.convert",

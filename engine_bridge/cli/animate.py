@@ -49,7 +49,7 @@ def animate(
         if path is not None:
             check_writable(path, ending, inputs=(mesh, recording))
             if not force:
-                check_new(path, options.REPLACING)
+                check_new(path)
     body = {name: choices.pop(name) for name in new.BODY}
     settings = conversion.settings(**choices)
     with progress() as report:

@@ -100,7 +100,7 @@ def new(
     picture = preview or output.with_suffix(".handles.png")  # plain .png may be the name of a texture or contact sheet
     check_writable(picture, ".png", inputs=(mesh,))
     if not force:
-        check_new(output, options.REPLACING)
+        check_new(output)
     proposed = proposal.new_puppet(
         mesh,
         output,

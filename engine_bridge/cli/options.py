@@ -13,9 +13,6 @@ import click
 
 FILE = click.Path(path_type=Path)
 
-REPLACING = "Choose another name, or replace it with --force."
-"""What to do about an existing file, for commands with ``--force``."""
-
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 

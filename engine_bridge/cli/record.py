@@ -44,7 +44,8 @@ def record(
     from capture import native_output
     from capture.sound_input import open_sound
     from capture.sources.registry import check_records, open_recording_sensor, open_source
-    from engine_bridge.cli import recording
+    from capture.sources.take import record as record_take
+    from capture.sources.take import remove_existing
 
     def report(frames: int, elapsed: float) -> None:
         if sys.stderr.isatty():
@@ -55,10 +56,10 @@ def record(
         microphone = stack.enter_context(closing(open_sound(sound_device or "default", Path()))) if heard else None
         if sensor is not None:
             check_records(source, sensor)
-            recording.remove_existing(sensor, force)
+            remove_existing(sensor, force)
         begun = open_source(source) if sensor is None else open_recording_sensor(source, sensor)
         opened = stack.enter_context(closing(begun))
-        summary = recording.record(opened, output, seconds, report, force, microphone)
+        summary = record_take(opened, output, seconds, report, force, microphone)
     if sys.stderr.isatty():
         click.echo(err=True)
     if summary.why:

@@ -11,7 +11,6 @@ from capture.recording import Recorder
 from capture.skeleton import SkeletonFrame
 from capture.sound_input import SoundInput
 from capture.source import SkeletonSource, wait
-from engine_bridge.cli.options import REPLACING
 from puppetline import clock
 from puppetline.errors import RecordingEndError, SourceError
 from puppetline.files import check_new, check_writable, output_errors
@@ -176,6 +175,6 @@ def remove_existing(path: Path, force: bool) -> None:
     """
     check_writable(path, path.suffix.lower())
     if not force:
-        check_new(path, REPLACING)
+        check_new(path)
     with output_errors(path):
         path.unlink(missing_ok=True)

@@ -1,4 +1,3 @@
-import json
 import wave
 from itertools import islice
 
@@ -18,7 +17,7 @@ from capture.sound import SAMPLE_RATE, Block
 from capture.sound_input import SoundInput
 from capture.source import Counts
 from capture.sources.replay import RecordingSource
-from engine_bridge.cli.recording import RecordSummary, record
+from capture.sources.take import RecordSummary, record
 from puppetline import clock
 from puppetline.errors import OutputError, SourceError
 
@@ -160,15 +159,6 @@ def test_stopped_it_leaves_a_take_that_can_be_read(tmp_path):
     frames = [event for event in events(path) if isinstance(event, SkeletonFrame)]
     assert list(map(key, frames)) == [key(as_recorded(each)) for each in islice(walk.frames(), 5)]
     assert path.read_bytes().endswith(b"}\n")
-
-
-def test_the_command_records_what_a_source_plays_and_prints_it(invoke, assert_refused, tmp_path):
-    made = invoke("record", "--source", "demo:walk", "-o", "take.log", "--seconds", 1, "--json")
-    summary = json.loads(made.stdout)
-    [clip] = read_log(tmp_path / "take.log")
-    assert len(clip.times) == summary["frames"] == 30
-    assert (summary["users"], summary["ended"]) == ([1], "time")
-    assert_refused("record", "--source", "demo:walk", "-o", "take.log", parts=["take.log", "--force"])
 
 
 class Singer:

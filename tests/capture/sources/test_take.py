@@ -7,7 +7,6 @@ from puppetline.examples.performances import clean
 
 from capture.clip import SkeletonClip
 from capture.events import Cue, Lost, Tick
-from capture.formats import read_log
 from capture.formats.puppetline_log import events
 from capture.fusion.source import FusedSource, Member
 from capture.pose import Pose

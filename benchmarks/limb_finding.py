@@ -43,14 +43,13 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial.transform import Rotation
 
 from engine_bridge.character.character import Character, load_character, make_character
-from engine_bridge.puppet.proposal import axes_of
+from engine_bridge.puppet.proposal import axes_of, limbs_of_shape
 from engine_bridge.puppet.puppet import Direction
 from engine_bridge.puppet.rig_bones import rig_bones
 from engine_bridge.puppet.rig_limbs import rig_limbs
 from engine_bridge.puppet.skin_joints import vertex_influences
 from puppetline.errors import PuppetlineError
 from solver.anatomy import orientation
-from solver.anatomy.axes import unit_vector
 from solver.anatomy.limb_chain import Limbs, evenly
 from solver.anatomy.limb_finding import find_limbs
 from solver.motion.limbs import TRUNK, Bones, Limb, bones_of, parents_first
@@ -229,8 +228,7 @@ def find(character: Character) -> Answer:
         return Answer(rig.limbs, *axes, rig.bodies[0][0])
     surface = character.solver_mesh()
     stands = orientation.propose(surface, None, None, specified=rig is not None)
-    up, front = (unit_vector(axis) for axis in (stands.up, stands.front))
-    limbs = find_limbs(surface, np.array([np.cross(up, front), up, front]))
+    stands, limbs = limbs_of_shape(surface, stands)
     return Answer(limbs, stands.up, stands.front, stands.confidence)
 
 

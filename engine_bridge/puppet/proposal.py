@@ -144,7 +144,7 @@ def new_puppet(
         surface, *(skeleton or (up, front)), specified=mesh.suffix.lower() not in SURFACE_FILES
     )
     by_shape = skeleton is None and (bool(places) or not handles)
-    stands, shape = _limbs_of_shape(surface, stands, places) if by_shape else (stands, None)
+    stands, shape = limbs_of_shape(surface, stands, places) if by_shape else (stands, None)
     values["character"] = {"up": stands.up, "front": stands.front} | values["character"]
     standing = check(values | {"handle": PLACEHOLDER_HANDLES}, where).character
     notes = [*_others(bodies, body or 1)]
@@ -256,14 +256,27 @@ def _other_axes(others: Sequence[Axes], chosen: tuple[str, str]) -> list[str]:
     return [f"With a probability of {other[2]:.0%}, {what}. If so: {fix}"]
 
 
-def _limbs_of_shape(
-    surface: SolverMesh, stands: Orientation, ends: Mapping[str, NDArray[np.float64]]
+def limbs_of_shape(
+    surface: SolverMesh, stands: Orientation, ends: Mapping[str, NDArray[np.float64]] = MappingProxyType({})
 ) -> tuple[Orientation, Limbs]:
-    """Return the limbs of a shape, and how it stands: if it has no legs, another way in which it is a whole person."""
+    """Return the limbs of a shape, and how it stands: without legs, as a whole person or a fish, if it is one.
+
+    Parameters
+    ----------
+    surface : SolverMesh
+    stands : Orientation
+        How it stands by itself. Its others are the ways that are tried.
+    ends : mapping of str to (3,) float64
+        Ends of limbs that the user has given.
+    """
 
     def limbs(up: str, front: str) -> Limbs:
         upward, forward = unit_vector(up), unit_vector(front)
         return find_limbs(surface, np.array([np.cross(upward, forward), upward, forward]), ends)
+
+    def standing(up: str, front: str) -> Orientation:
+        before = (stands.up, stands.front, stands.confidence)
+        return replace(orientation.propose(surface, up, front), others=(before,))
 
     found = limbs(stands.up, stands.front)
     if ends or any(is_leg(chain.name) for chain in found.chains):
@@ -271,9 +284,13 @@ def _limbs_of_shape(
     for up, front, chance in stands.others[:MAX_OTHER_WAYS]:
         is_tried = up in orientation.FILE_UPS and chance >= MIN_WAY_PROBABILITY
         other = limbs(up, front) if is_tried else Limbs(())
-        if is_person(other.points, unit_vector(up)) and not other.notes:
-            before = (stands.up, stands.front, stands.confidence)
-            return replace(orientation.propose(surface, up, front), others=(before,)), other
+        if is_person(other.points, unit_vector(up)) and "tail" not in other.points and not other.notes:
+            return standing(up, front), other
+    ahead = orientation.bulky_end(surface, stands.up)
+    if ahead is not None and any((up, front) == (stands.up, ahead) for up, front, _ in stands.others):
+        other = limbs(stands.up, ahead)
+        if "tail" in other.points and not any(is_leg(chain.name) for chain in other.chains):
+            return standing(stands.up, ahead), other
     return stands, found
 
 

@@ -31,6 +31,10 @@ MAX_SINGLE_HEIGHT, MAX_SINGLE_THICKNESS = 0.03, 0.5
 """Maximum height of the foot of a single leg, as a share of the height, and maximum thickness of that leg, as a share
 of the thickest place."""
 
+MIN_BELLY_HEIGHT = 0.35
+"""Minimum height of the belly of a body that lies above its only row of feet, in heights of the body without thin
+parts: two legs carry it above the ground, and lower ones are the fins of a fish."""
+
 MIN_RISE_COSINE = np.cos(np.radians(40))
 """Minimum cosine between up and the direction from the foot of a single leg to the body."""
 
@@ -186,7 +190,17 @@ class LimbEnds:
             pair for pair, height in zip(pairs, heights, strict=True) if height < min(heights) + MAX_LEVEL_DIFFERENCE
         ]
         inner = sorted(lowest, key=lambda pair: self.cells[pair[0], 0] - self.cells[pair[1], 0])[:1]
-        return self._with_single(inner, low) if self.lies or not inner else inner
+        standing = self._with_single(inner, low) if self.lies or not inner else inner
+        given_legs = any("leg" in name for name in self.ends)
+        fins = self.lies and len(standing) == 1 and self._belly_height(standing[0]) < MIN_BELLY_HEIGHT
+        return [] if fins and not given_legs else standing
+
+    def _belly_height(self, feet: Feet) -> float:
+        """Return the height of the belly above feet, in heights of the body without thin parts."""
+        thick = self.solid.depth > MAX_SINGLE_THICKNESS * self.solid.depth.max()
+        place, depth = self.cells[thick, 1], self.solid.depth[thick]
+        belly, back = float((place - depth).min()), float((place + depth).max())
+        return (belly - float(self.cells[list(feet), 1].min())) / (back - belly)
 
     def _between(self, low: Sequence[int]) -> float:
         """Return where left feet begin: at the middle, or between the two feet of a stride on one side of it."""

@@ -130,6 +130,14 @@ RAISED = [
 ]
 STRIDE = [((0.15, 0.85, 0.0), (0.17, 0.1, 0.45), 0.07), ((-0.15, 0.85, 0.0), (-0.17, 0.1, -0.45), 0.07)]
 TAIL = [((0.0, 0.9, -0.1), (0.0, 0.35, -0.7), 0.09), ((0.0, 0.35, -0.7), (0.0, 0.12, -1.5), 0.06)]
+FISH = [
+    ((0.0, 1.0, -0.5), (0.0, 1.0, 0.7), 0.4),
+    ((0.0, 1.0, 0.7), (0.0, 1.0, 1.2), 0.2),
+    ((0.0, 1.0, -0.5), (0.0, 1.0, -1.4), 0.14),
+    ((0.0, 1.0, -1.4), (0.0, 1.45, -1.8), 0.07),
+    ((0.0, 1.0, -1.4), (0.0, 0.8, -1.65), 0.07),
+    *both(((0.3, 0.85, 0.4), (0.85, 0.5, 0.2), 0.07)),
+]
 DOG_ENDS = {
     "left hind leg": (0.25, -0.2, -0.9),
     "right hind leg": (-0.25, -0.2, -0.9),
@@ -152,8 +160,14 @@ DOG_ENDS = {
             0.1,
         ),
         ([*FIGURE, *TAIL], [*PERSON, "tail"], {"tail": (0, 0.12, -1.5), "left leg": TOES}, 0.1),
+        (
+            FISH,
+            ["trunk", "neck", "head", "left arm", "right arm", "tail"],
+            {"head": (0, 1, 1.4), "left arm": (0.85, 0.5, 0.2), "tail": (0, 1.45, -1.8)},
+            0.15,
+        ),
     ],
-    ids=["dog", "wings", "rider", "raised hand", "long stride", "tail on the ground"],
+    ids=["dog", "wings", "rider", "raised hand", "long stride", "tail on the ground", "fish, with its fins as arms"],
 )
 def test_limbs_of_a_shape_end_where_they_were_made(limbs, names, ends, within):
     result = found(body_of(limbs, 0.05 if DOG[0] in limbs else 0.035))

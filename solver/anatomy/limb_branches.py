@@ -14,7 +14,7 @@ from solver.anatomy.limb_ends import MAX_FOOT_HEIGHT, MAX_MIRROR_DISTANCE, MIRRO
 from solver.anatomy.standing_legs import standing_legs
 from solver.surface.mesh import SolverMesh
 
-MAX_TAIL_OFFSET, MAX_TAIL_FRONT = 0.15, -0.15
+MAX_TAIL_OFFSET, MAX_TAIL_FRONT = 0.2, -0.15
 """Distance of a tail's end from the middle plane up to which the tail may lead to a side as much as to the back, and
 the maximum position of its end towards the front, in units."""
 
@@ -265,23 +265,24 @@ class LimbBranches(LimbEnds):
                 abs(left) < max(MAX_TAIL_OFFSET, back)
                 and front < MAX_TAIL_FRONT
                 and self._leaves_at(branch) < 0.4
-                and not self._is_flat(branch)
+                and (self.lies or not self._is_flat(branch))
             ):
                 behind.append(branch)
         return max(behind, key=lambda branch: branch.length, default=None)
 
     def _is_flat(self, branch: LimbCurve) -> bool:
-        """Return whether a branch is a sheet, such as a cape: its volume is larger than that of a rod.
+        """Return whether a branch is a sheet, such as a cape: its volume is larger than that of a rod as thick as it is.
 
         Only the cells that it leads to count, and not those of a leg beside it.
         """
         outer = branch.along < 0.5 * branch.length
-        points, thickness = branch.points[outer], branch.depth[outer] + self.solid.size / 2
-        reach = np.maximum(SHEET_REACH_RATIO * thickness, SHEET_REACH_RATIO * self.solid.size)
+        points, thickness = branch.points[outer], branch.depth + self.solid.size / 2
+        reach = np.maximum(SHEET_REACH_RATIO * thickness[outer], SHEET_REACH_RATIO * self.solid.size)
         root = int(branch.cells[branch.along <= max(branch.length - branch.depth[-1], 0.0)][-1])
         own = cKDTree(self.cells[self.skeleton.beyond(root)])
         around = own.query_ball_point(points, reach, return_length=True)
-        rod = 2 * np.pi * thickness**2 * reach
+        near = np.linalg.norm(points[:, None] - branch.points, axis=2) < reach[:, None]
+        rod = near @ (np.pi * thickness**2 * np.gradient(branch.along))
         return bool(np.median(around * self.solid.size**3 / rod) > MIN_SHEET_RATIO)
 
     def wings(self, branches: list[LimbCurve]) -> tuple[LimbCurve, LimbCurve] | None:

@@ -271,7 +271,7 @@ class LimbBranches(LimbEnds):
         return max(behind, key=lambda branch: branch.length, default=None)
 
     def _is_flat(self, branch: LimbCurve) -> bool:
-        """Return whether a branch is a sheet, such as a cape: its volume is larger than that of a rod as thick as it is.
+        """Return whether a branch is a sheet, such as a cape: its volume is larger than that of a rod as thick.
 
         Only the cells that it leads to count, and not those of a leg beside it.
         """

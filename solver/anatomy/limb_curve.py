@@ -32,6 +32,10 @@ MAX_HELD_THICKNESS, MIN_HELD_LENGTH, MIN_THIN_SHARE = 0.5, 0.6, 0.8
 """An object is held in the hand if it is thinner than the first share of the arm and longer than the second share of
 the arm's length, and if the third share of it is that thin: a sword has no thick parts."""
 
+MAX_ALIKE_SHARE = 0.1
+"""Maximum difference in length of what is held in both hands, as a share of the longer one, at which it is rather the
+forearms."""
+
 LOWER_LEG_SHARE = 0.5
 """Lower part of a leg that contains the ankle, as a share of the distance from the end of the foot to the hip."""
 
@@ -153,6 +157,8 @@ def arm_joints(
     """
     tops = [leaves for leaves, _ in shoulders]
     ends = [_end_of_hand(arm, top, size) for arm, top in zip(arms, tops, strict=True)]
+    if max(ends) - min(ends) < MAX_ALIKE_SHARE * max(ends):  # slender forearms beyond wide sleeves
+        ends = [0.0, 0.0]
     wrists = [
         _narrowest(arm, end, top, cells, size) for arm, end, top, cells in zip(arms, ends, tops, around, strict=True)
     ]

@@ -60,6 +60,12 @@ MIN_BIG_HEAD_SHARE = 0.55
 and not the chest."""
 
 
+MAX_BIG_HEADS_NECK = 0.7, 0.88
+"""If the trunk only narrows beyond its thickest place, that is the head if the trunk is somewhere below it thinner than
+the first share of it, and than the second share of what is farther below: a neck, and not a waist or the space between
+the hips."""
+
+
 class LimbBranches(LimbEnds):
     """A character with its legs, its trunk, and what branches off the trunk.
 
@@ -144,8 +150,13 @@ class LimbBranches(LimbEnds):
     @cached_property
     def skull(self) -> int:
         """Index into the trunk's curve of the thickest place of the head: beyond the neck, if there is one."""
-        thickest = int(self.trunk.depth.argmax())
-        if not self.four_legged and self.trunk.along[thickest] > MIN_BIG_HEAD_SHARE * self.trunk.length:
+        depth, thickest = self.trunk.depth, int(self.trunk.depth.argmax())
+        beyond = depth[thickest:]
+        below, (of_head, of_body) = depth[: thickest + 1], MAX_BIG_HEADS_NECK
+        neck = (below < of_head * depth[thickest]) & (below < of_body * np.maximum.accumulate(below))
+        is_last = bool((beyond <= np.minimum.accumulate(beyond) + self.solid.size).all())
+        high = self.trunk.along[thickest] > MIN_BIG_HEAD_SHARE * self.trunk.length
+        if not self.four_legged and (high or (neck.any() and is_last)):
             return thickest
         for share in SKULL_SPANS:
             last = np.flatnonzero(self.trunk.along >= (1 - share) * self.trunk.length)

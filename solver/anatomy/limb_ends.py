@@ -184,7 +184,7 @@ class LimbEnds:
             near, own = np.flatnonzero(side & body), np.flatnonzero(side & ~body)
             if not len(near):
                 return self.solid
-            away, nearest = cKDTree(self.cells[near]).query(self.cells[own])
+            away, nearest = (np.asarray(each) for each in cKDTree(self.cells[near]).query(self.cells[own]))
             order = np.argsort(away, kind="stable")
             _, first = np.unique(piece[own[order]], return_index=True)
             tied = order[first]

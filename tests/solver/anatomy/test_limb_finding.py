@@ -138,6 +138,10 @@ FISH = [
     ((0.0, 1.0, -1.4), (0.0, 0.8, -1.65), 0.07),
     *both(((0.3, 0.85, 0.4), (0.85, 0.5, 0.2), 0.07)),
 ]
+TAPERING = [
+    ((0.0, 1.0, -1.0 - 1.8 * share), (0.0, 1.0, -1.06 - 1.8 * share), 0.28 * (1 - share) + 0.02)
+    for share in np.linspace(0.0, 1.0, 31)
+]
 DOG_ENDS = {
     "left hind leg": (0.25, -0.2, -0.9),
     "right hind leg": (-0.25, -0.2, -0.9),
@@ -150,6 +154,7 @@ DOG_ENDS = {
     ("limbs", "names", "ends", "within"),
     [
         (DOG, DOGS, {"tail": (0, 1.5, -1.9)} | DOG_ENDS, 0.15),
+        ([*DOG[:-1], *TAPERING], DOGS, {"tail": (0.0, 1.0, -2.86)} | DOG_ENDS, 0.15),
         ([*DOG, *WINGS], None, {"left wing": (1.5, 2.4, -0.1), "right wing": (-1.5, 2.4, -0.1)} | DOG_ENDS, 0.15),
         ([*DOG, *RIDER], DOGS, {}, 0),
         ([*BODY, SKULL, *RAISED, *both(*LEG)], PERSON, {"head": (0, 1.88, 0.02), "right arm": (-0.12, 2.2, 0.05)}, 0.1),
@@ -167,7 +172,16 @@ DOG_ENDS = {
             0.15,
         ),
     ],
-    ids=["dog", "wings", "rider", "raised hand", "long stride", "tail on the ground", "fish, with its fins as arms"],
+    ids=[
+        "dog",
+        "tapering tail",
+        "wings",
+        "rider",
+        "raised hand",
+        "long stride",
+        "tail on the ground",
+        "fish, with its fins as arms",
+    ],
 )
 def test_limbs_of_a_shape_end_where_they_were_made(limbs, names, ends, within):
     result = found(body_of(limbs, 0.05 if DOG[0] in limbs else 0.035))
@@ -268,6 +282,18 @@ HANDS_DOWN = [((0.1, 1.42, 0.0), SHOULDER, 0.09), (SHOULDER, (0.6, 0.05, 0.0), 0
 GUN = [((0.5, 1.2, 0.15), (0.55, -0.25, 0.15), 0.05)]
 SLENDER = [(SHOULDER, (0.55, 1.43, 0.0), 0.045), ((0.55, 1.43, 0.0), (0.95, 1.4, 0.0), 0.026)]
 
+SLEEVE = [((0.1, 1.42, 0.0), (0.45, 1.43, 0.0), 0.09), ((0.45, 1.43, 0.0), (0.95, 1.4, 0.0), 0.035)]
+LOOSE_SHOES = [
+    *both((HIP, KNEE, 0.08), (KNEE, (0.18, 0.25, 0.0), 0.06), ((0.12, 0.06, -0.02), (0.18, 0.06, 0.22), 0.06)),
+    *(((-0.18, 0.25, 0.0), (-0.15, 0.06, 0.0), 0.06), ((-0.12, 0.06, 0.0), (0.12, 0.06, 0.0), 0.06)),
+]
+CHIBI = [
+    *(((0.0, 0.35, 0.0), (0.0, 0.45, 0.0), 0.16), ((0.0, 0.45, 0.0), (0.0, 0.65, 0.0), 0.08)),
+    *(((0.0, 0.85, 0.0), (0.0, 0.87, 0.0), 0.3), ((0.0, 1.1, 0.0), (0.0, 1.6, 0.0), 0.08)),
+    *both(((0.1, 0.5, 0.0), (0.5, 0.3, 0.0), 0.06), ((0.1, 0.3, 0.0), (0.14, 0.05, 0.0), 0.08)),
+    *both(((0.2, 0.95, 0.0), (0.8, 1.15, 0.0), 0.07)),
+]
+
 
 @pytest.mark.parametrize(
     ("limbs", "feet", "hands"),
@@ -285,8 +311,14 @@ SLENDER = [(SHOULDER, (0.55, 1.43, 0.0), 0.045), ((0.55, 1.43, 0.0), (0.95, 1.4,
             None,
         ),
         ([*BODY, SKULL, *both(*ARM[:1], *SLENDER, *LEG)], [TOES, IMAGE * TOES], [(0.95, 1.4, 0.0), (-0.95, 1.4, 0.0)]),
+        ([*BODY, SKULL, *both(*SLEEVE, *LEG)], [TOES, IMAGE * TOES], [(0.95, 1.4, 0.0), (-0.95, 1.4, 0.0)]),
+        ([*BODY, SKULL, *both(*ARM), *LOOSE_SHOES], [TOES, IMAGE * TOES], None),
+        (CHIBI, None, [(0.5, 0.3, 0.0), (-0.5, 0.3, 0.0)]),
     ],
-    ids=["hands on the ground", "a gun below the feet", "a stride beside the middle", "slender forearms"],
+    ids=[
+        *("hands on the ground", "a gun below the feet", "a stride beside the middle", "slender forearms"),
+        *("forearms beyond wide sleeves", "shoes that touch", "a big head with a hat"),
+    ],
 )
 def test_legs_end_at_the_feet_and_arms_at_the_hands(limbs, feet, hands):
     mesh = body_of(limbs, 0.02)

@@ -31,8 +31,11 @@ from .durations import BY_FILE, Durations
 from .outside import PEERS, PLAYERS, ROOT, LeftOut, found, load_players
 from .outside import missing as missing
 
-hypothesis.settings.register_profile("without a deadline", deadline=None)  # its 200 ms pass on a busy machine
-hypothesis.settings.load_profile("without a deadline")
+# how long an example takes, and how many are made in a second, tells how busy the machine is
+hypothesis.settings.register_profile(
+    "without a clock", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow]
+)
+hypothesis.settings.load_profile("without a clock")
 
 COMPILING = {
     "limbs": tuple(f"tests/solver/motion/test_{name}.py" for name in ("arms", "feet", "limb_motion", "steps")),

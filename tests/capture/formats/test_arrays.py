@@ -25,7 +25,8 @@ def saved(function=np.save, *content, **named):
 
 
 @pytest.mark.parametrize(
-    "name", ["kinect_v1", "utd_mhad", "msr_action3d", "human36m", "kinect_v2", "mediapipe", "mediapipe_22"]
+    "name",
+    ["kinect_v1", "utd_mhad", "msr_action3d", "human36m", "kinect_v2", "mediapipe", "mediapipe_22", "zed_34", "zed_38"],
 )
 @pytest.mark.parametrize("axes", [(0, 1, 2), (1, 2, 0), (2, 0, 1)])
 def test_the_order_of_joints_and_axes_is_found(read, name, axes):

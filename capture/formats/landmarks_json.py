@@ -36,7 +36,7 @@ _CONFIDENCES = ("visibility", "confidence", "score", "presence", "c", "v", "like
 _TIMES = ("time", "timestamp", "timestamp_ms", "timestampMs", "t", "time_s", "time_ms", "frame_time", "timestamp_usec")
 _FRAMES = ("frame", "frame_id", "frame_index", "frameNumber", "index")
 _IDS = ("person_id", "track_id", "id", "body_id", "user")
-_POSITIONS = ("position", "positions", "pos", "location", "translation")
+_POSITIONS = ("position", "positions", "pos", "location", "translation", "camera")
 _NAME = re.compile("name|tag|type|joint|part|keypoint|label|landmark", re.IGNORECASE)
 _SIZES = {len(joints) for joints in JOINT_SETS.values()}
 MAX_NUMBER = 2.0**63
@@ -78,33 +78,46 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
         The document cannot be read, or has no positions in space of a person's landmarks.
     """
     document = load(path)
+    if clips := clips_of(path, "landmarks_json", document, options):
+        return clips
+    names = dict.fromkeys(name for name, _ in islice(_joints(document), MAX_JOINTS))
+    if len(names) >= MIN_NAMES:
+        refuse_incomplete(path, list(names))
+    with opened(path) as file:
+        head = file.read(20_000)
+    is_flat = re.search(b"_2d|keypoints", head) is not None
+    start = head.lstrip(b"\xef\xbb\xbf \r\n\t")[:1]
+    kind = "XML" if start == b"<" else "JSON" if start in (b"{", b"[") else "lists in brackets"
+    keys = f" with the keys {', '.join(map(str, list(document)[:8]))}" if isinstance(document, dict) else ""
+    raise SkeletonLogError(
+        path,
+        found=f"{kind} with positions in an image (2D)" if is_flat else f"{kind}{keys}, without positions in space",
+        expected="x, y and z of a person's landmarks in each frame",
+        fix="Use the tracker's positions in space (MediaPipe: pose_world_landmarks), or the video itself."
+        if is_flat
+        else EXPORT,
+    )
+
+
+def clips_of(path: Path, log_format: str, document: Any, options: ReadOptions) -> list[SkeletonClip]:
+    """Return one clip per person in a document of dictionaries, lists, texts and numbers; none if it has no pose.
+
+    Raises
+    ------
+    SkeletonLogError
+        The poses are no person's.
+    """
     people: dict[int, list[tuple[int, dict[str, Any], _Pose]]] = {}
     for index, frame in enumerate(_frames(document)):
         for order, (owner, pose) in enumerate(_poses(frame)):
             user = next((owner[key] for key in _IDS if isinstance(owner.get(key), int)), order)
             people.setdefault(user, []).append((index, frame if isinstance(frame, dict) else {}, pose))
-    if not people:
-        names = dict.fromkeys(name for name, _ in islice(_joints(document), MAX_JOINTS))
-        if len(names) >= MIN_NAMES:
-            refuse_incomplete(path, list(names))
-        with opened(path) as file:
-            head = file.read(20_000)
-        is_flat = re.search(b"_2d|keypoints", head) is not None
-        start = head.lstrip(b"\xef\xbb\xbf \r\n\t")[:1]
-        kind = "XML" if start == b"<" else "JSON" if start in (b"{", b"[") else "lists in brackets"
-        keys = f" with the keys {', '.join(map(str, list(document)[:8]))}" if isinstance(document, dict) else ""
-        raise SkeletonLogError(
-            path,
-            found=f"{kind} with positions in an image (2D)" if is_flat else f"{kind}{keys}, without positions in space",
-            expected="x, y and z of a person's landmarks in each frame",
-            fix="Use the tracker's positions in space (MediaPipe: pose_world_landmarks), or the video itself."
-            if is_flat
-            else EXPORT,
-        )
-    return [replace(_clip(path, seen, options), user=user) for user, seen in people.items()]
+    return [replace(_clip(path, log_format, seen, options), user=user) for user, seen in people.items()]
 
 
-def _clip(path: Path, seen: Sequence[tuple[int, dict[str, Any], _Pose]], options: ReadOptions) -> SkeletonClip:
+def _clip(
+    path: Path, log_format: str, seen: Sequence[tuple[int, dict[str, Any], _Pose]], options: ReadOptions
+) -> SkeletonClip:
     """Return the clip of one person, of the poses with names if there are some, or else of those of most points."""
     names: Sequence[str] = tuple(dict.fromkeys(name for _, _, pose in seen for name in pose.names or ()))[:MAX_JOINTS]
     width = len(names) or Counter(len(pose.rows) for _, _, pose in seen).most_common(1)[0][0]
@@ -130,7 +143,7 @@ def _clip(path: Path, seen: Sequence[tuple[int, dict[str, Any], _Pose]], options
         fps, notes = frame_rate(options, DEFAULT_FPS)
         times = np.array([index for index, _, _ in same]) / fps
     return clip_of_positions(
-        path, "landmarks_json", names, rows[..., :3], options, times=times, confidence=confidence, notes=notes
+        path, log_format, names, rows[..., :3], options, times=times, confidence=confidence, notes=notes
     )
 
 
@@ -154,7 +167,7 @@ def _frames(document: Any) -> list[Any]:
     """Return the frames of a document."""
     if _pose(document) is not None:
         return [document]
-    if isinstance(document, list) and any(_poses(frame) for frame in document[:50]):
+    if isinstance(document, list) and any(_poses(frame) for frame in document[:: len(document) // 50 + 1]):
         inner = [frames for each in document if isinstance(each, dict) and len(frames := _frames(each)) > 1]
         longest: list[Any] = max(inner, key=len, default=[])
         return longest if len(longest) > (MAX_PEOPLE if len(document) > 1 else 1) else document
@@ -245,7 +258,7 @@ def _point(value: Any) -> list[float] | None:
     if isinstance(value, dict):
         own = {key.lower(): each for key, each in value.items()}
         sure = [float(own[key]) for key in _CONFIDENCES if _is_number(own.get(key))][:1]
-        place = [_as_number(own.get(axis)) for axis in "xyz"]
+        place = [_as_number(own.get(axis, own.get(f"camera{axis}"))) for axis in "xyz"]
         if all(_is_number(each) for each in place):
             return [*map(float, place), *sure]
         inner = next((own[key] for key in _POSITIONS if key in own), None)

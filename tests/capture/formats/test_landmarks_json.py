@@ -30,6 +30,10 @@ FORMS = {
     "objects": lambda pose: {"landmarks2d": [{"x": 1, "y": 2}] * 33, "landmarks": objects(pose), "time": 0.04},
     "world": lambda pose: {"pose_landmarks": listed(pose * [1, 2, 3]), "pose_world_landmarks": listed(pose)},
     "texts": lambda pose: [dict(zip("xyz", map(str, point), strict=True)) for point in listed(pose)],
+    "camera": lambda pose: [
+        {"joint": name, "cameraX": x, "cameraY": y, "cameraZ": z, "depthX": 7, "depthY": 8}
+        for name, (x, y, z) in zip(BLAZEPOSE, listed(pose), strict=True)
+    ],
     "lists": listed,
     "numbers": lambda pose: {"people": [{"pose_keypoints_3d": [float(each) for each in pose.ravel()]}]},
 }

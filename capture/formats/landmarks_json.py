@@ -38,6 +38,7 @@ _FRAMES = ("frame", "frame_id", "frame_index", "frameNumber", "index")
 _IDS = ("person_id", "track_id", "id", "body_id", "user")
 _POSITIONS = ("position", "positions", "pos", "location", "translation", "camera")
 _NAME = re.compile("name|tag|type|joint|part|keypoint|label|landmark", re.IGNORECASE)
+_IN_SPACE = re.compile("world|3d", re.IGNORECASE)
 _SIZES = {len(joints) for joints in JOINT_SETS.values()}
 MAX_NUMBER = 2.0**63
 """Bound of the magnitude of a number: larger than any time in nanoseconds, small enough for calculations."""
@@ -58,10 +59,14 @@ _LOST = [math.nan] * 3
 
 
 class _Pose(NamedTuple):
-    """The names of points, if they have some, and the numbers of each; of a list of numbers, each one apart."""
+    """The names of points, if they have some, and the numbers of each; of a list of numbers, each one apart.
+
+    `in_space` tells that the document calls them so; poses beside them are in an image.
+    """
 
     names: tuple[str, ...] | None
     rows: list[list[float]]
+    in_space: bool = False
 
 
 def matches(head: bytes) -> bool:
@@ -119,6 +124,7 @@ def _clip(
     path: Path, log_format: str, seen: Sequence[tuple[int, dict[str, Any], _Pose]], options: ReadOptions
 ) -> SkeletonClip:
     """Return the clip of one person, of the poses with names if there are some, or else of those of most points."""
+    seen = [each for each in seen if each[2].in_space] or seen
     names: Sequence[str] = tuple(dict.fromkeys(name for _, _, pose in seen for name in pose.names or ()))[:MAX_JOINTS]
     width = len(names) or Counter(len(pose.rows) for _, _, pose in seen).most_common(1)[0][0]
     same = [each for each in seen if (each[2].names if names else len(each[2].rows) == width)]
@@ -212,9 +218,10 @@ def _poses(value: Any, depth: int = MAX_DEPTH) -> list[tuple[dict[str, Any], _Po
     if isinstance(value, list):
         return [found for each in value[:MAX_PEOPLE] for found in _poses(each, depth - 1)]
     if isinstance(value, dict):
-        for key in sorted(value, key=lambda key: ("world" not in key.lower() and "3d" not in key.lower(), key)):
+        for key in sorted(value, key=lambda key: (not _IN_SPACE.search(key), key)):
             if not re.search("2d|hand|face", key, re.IGNORECASE) and (found := _poses(value[key], depth - 1)):
-                return [(owner or value, pose) for owner, pose in found]
+                is_known = _IN_SPACE.search(key) is not None
+                return [(own or value, pose._replace(in_space=pose.in_space or is_known)) for own, pose in found]
     return []
 
 

@@ -167,3 +167,12 @@ def test_points_whose_names_are_no_persons_are_refused_by_them(read):
     document = [{"name": name, "position": [1.0, 2.0, 3.0]} for name in names]
     with pytest.raises(SkeletonLogError, match=r"shoulder_left.* among antenna a, antenna b"):
         read(landmarks_json, json.dumps({"landmarks": document}))
+
+
+def test_a_pose_in_an_image_replaces_none_in_space(read):
+    frames = [FORMS["world"](pose) for pose in POINTS]
+    frames[2]["pose_world_landmarks"] = []
+    [clip] = read(landmarks_json, json.dumps(frames))
+    kept = [0, 1, 3]
+    np.testing.assert_allclose(clip.times, np.array(kept) / 30)
+    np.testing.assert_allclose(clip.positions[:, ARMS], person()[kept][:, ARMS], atol=1e-9)

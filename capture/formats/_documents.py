@@ -6,6 +6,7 @@ dictionary of its ``(name value)`` pairs, if it has only these. Each line of suc
 """
 
 import re
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 from xml.parsers import expat
@@ -31,8 +32,8 @@ def is_document(head: bytes) -> bool:
     return (start[:1] in (b"{", b"[", b"<") and not is_page) or _LISTS.match(start) is not None
 
 
-def load(path: Path) -> Any:
-    """Return the document in a file.
+def load(path: Path, texts: Collection[str] | None = None) -> Any:
+    """Return the document in a file; of XML, only the texts in elements of these names, which is less memory.
 
     Raises
     ------
@@ -43,14 +44,15 @@ def load(path: Path) -> Any:
         start = file.read(1000).removeprefix(b"\xef\xbb\xbf").lstrip()[:1]
     if start in (b"{", b"["):
         return load_json(path).data
-    return _xml(path) if start == b"<" else [_lists(path, line, text) for line, text in read_lines(path)]
+    return _xml(path, texts) if start == b"<" else [_lists(path, line, text) for line, text in read_lines(path)]
 
 
-def _xml(path: Path) -> Any:
+def _xml(path: Path, names: Collection[str] | None) -> Any:
     """Return the content of the root element of a file, without those of unknown encoding or document type."""
     root: dict[str, Any] = {}
     open_elements: list[dict[str, Any]] = [root]
     texts: list[list[str]] = [[]]
+    size = 0
 
     def refuse(*_: Any) -> None:
         raise ValueError("a document type, which no recording needs")
@@ -62,8 +64,12 @@ def _xml(path: Path) -> Any:
         texts.append([])
 
     def end(name: str) -> None:
+        nonlocal size
         own, text = open_elements.pop(), "".join(texts.pop()).strip()
-        value = own or _value(text)
+        value = own or (_value(text) if names is None or name in names else "")
+        size += len(text) if value == text else 1
+        if size > MAX_FILE_BYTES:
+            raise ValueError(f"more than {MAX_FILE_BYTES} characters")
         parent = open_elements[-1]
         if name not in parent:
             parent[name] = value
@@ -78,7 +84,7 @@ def _xml(path: Path) -> Any:
     parser.CharacterDataHandler = lambda text: texts[-1].append(text)
     try:
         with opened(path) as file:
-            parser.Parse(file.read(MAX_FILE_BYTES), True)
+            parser.ParseFile(file)
     except (expat.ExpatError, ValueError, LookupError) as error:
         raise SkeletonLogError(
             at(path, parser.CurrentLineNumber),
@@ -87,6 +93,17 @@ def _xml(path: Path) -> Any:
             fix="Export the file again.",
         ) from error
     return root
+
+
+def values_of(document: Any, key: str) -> Iterator[Any]:
+    """Yield the values of a key in dictionaries at any depth, those of a list one by one; nothing in these values."""
+    for name, value in document.items() if isinstance(document, dict) else ():
+        if name == key:
+            yield from value if isinstance(value, list) else [value]
+        else:
+            yield from values_of(value, key)
+    for each in document if isinstance(document, list) else ():
+        yield from values_of(each, key)
 
 
 def _lists(path: Path, line: int, text: str) -> Any:

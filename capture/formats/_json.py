@@ -1,6 +1,7 @@
 """JSON recordings: bounded loading, and values that are checked when they are read and name their place in errors."""
 
 import json
+import math
 import re
 from pathlib import Path
 from typing import NoReturn
@@ -19,12 +20,12 @@ MAX_EXACT_FLOAT = 2.0**53
 
 
 def load(path: Path) -> "Value":
-    """Parse a whole JSON file.
+    """Parse a whole JSON file; NaN and Infinity, which programs write for what is lost, are NaN.
 
     Raises
     ------
     SkeletonLogError
-        The file cannot be read, is too large, not UTF-8, not JSON, nested too deeply, or has NaN or Infinity.
+        The file cannot be read, is too large, not UTF-8, not JSON, or nested too deeply.
     """
     with opened(path) as file:
         text = file.read(MAX_FILE_BYTES + 1)
@@ -35,17 +36,8 @@ def load(path: Path) -> "Value":
             expected="a smaller recording",
             fix="Split the recording.",
         )
-
-    def refuse_constant(name: str) -> NoReturn:
-        raise SkeletonLogError(
-            path,
-            found=f"the number {name}",
-            expected="finite numbers, because JSON has no others",
-            fix="Record again, or omit the joints that are lost.",
-        )
-
     try:
-        return Value(path, json.loads(text, parse_constant=refuse_constant))
+        return Value(path, json.loads(text, parse_constant=lambda _: math.nan))
     except json.JSONDecodeError as error:
         raise SkeletonLogError(
             at(path, error.lineno),

@@ -11,7 +11,7 @@ import struct
 import zlib
 from dataclasses import dataclass, replace
 from math import prod
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,7 @@ OTHER_CLASSES = {1: "cells", 2: "structure", 3: "object", 4: "text", 5: "sparse 
 COMPLEX_FLAG = 0x800
 MAX_ARRAY_HEAD_BYTES = 4096
 """Number of bytes of an array's element that are decompressed to read its flags, dimensions and name."""
-MAX_PARTS = 10_000
+MAX_PARTS = 200_000
 """Maximum number of fields or cells of an array that are read."""
 MAX_ARRAY_BYTES = 64 * 2**20
 """Maximum size of an array: more than an hour of 20 joints. A file of 64 KiB can decompress to as much."""
@@ -101,6 +101,29 @@ class Variable:
                 name = f"{index // len(names) + 1}.{name}"
             found[name] = _variable(content, order=self.order)[1]
         return found
+
+    def document(self, depth: int = 8) -> Any:
+        """Return the array as dictionaries, lists, texts and few numbers, to some depth; tables are lists of rows.
+
+        Raises
+        ------
+        Mat5Error
+            The array is larger than 64 MiB or incomplete.
+        """
+        if self.kind == "numbers":
+            return np.squeeze(self.numbers()).tolist() if prod(self.shape) < MAX_PARTS else []
+        if self.kind == "text":
+            return self.text()
+        own = {name: part.document(depth - 1) for name, part in self.parts().items()} if depth else {}
+        count = prod(self.shape)
+        if self.kind == "structure" and count == 1:
+            return own
+        values: list[Any] = [{} for _ in range(count)] if self.kind == "structure" else list(own.values())
+        for name, value in own.items() if self.kind == "structure" else ():
+            index, field = name.split(".", 1)
+            values[int(index) - 1][field] = value
+        rows = self.shape[0] if min(self.shape, default=0) > 1 else 0
+        return [values[row::rows] for row in range(rows)] or values
 
     def text(self) -> str:
         """Return the text of an array of letters.

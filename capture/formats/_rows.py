@@ -58,10 +58,6 @@ class RowLayout:
         fields = self.split(text)
         return len(fields) == self.columns and all(map(is_number, fields))
 
-    def fits_first_line(self, head: bytes) -> bool:
-        """Return whether the first line of a file's head fits."""
-        return any(map(self.fits, head_lines(head, 1)))
-
     def is_cut_off(self, line: Line) -> bool:
         """Return whether the file ends within this line: after too few columns, or within the last number."""
         fields = self.split(line[1])

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from capture.clip import SkeletonClip
-from capture.formats import smpl
+from capture.formats import landmarks_json, smpl
 from capture.formats._files import opened
-from capture.formats._mat5 import Variable, variables
+from capture.formats._mat5 import Mat5Error, Variable, variables
 from capture.formats.joint_sets import Fit, clearest, fits
 from capture.formats.layouts import JOINT_SETS
 from capture.formats.options import ReadOptions
@@ -61,7 +61,26 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
     SkeletonLogError
         The file is damaged, or its arrays are no person's joints or parameters.
     """
-    arrays = load(path)
+    try:
+        return _of_arrays(path, load(path), options)
+    except SkeletonLogError:
+        if clips := _of_structures(path, options):
+            return clips
+        raise
+
+
+def _of_structures(path: Path, options: ReadOptions) -> list[SkeletonClip]:
+    """Return the clips of a MATLAB file whose structures and cells have the poses of frames; none of other files."""
+    try:
+        with opened(path) as file:
+            found = variables(file.read())
+        document = {name: each.document() for name, each in found.items() if each.kind != "numbers"}
+    except Mat5Error:
+        return []
+    return landmarks_json.clips_of(path, "arrays", document, options)
+
+
+def _of_arrays(path: Path, arrays: Arrays, options: ReadOptions) -> list[SkeletonClip]:
     single = {place: array for place, array in arrays.items() if array.size == 1 and array.dtype.kind in "fiu"}
     rates = {place.rsplit(".", 1)[-1]: float(array.item()) for place, array in single.items()}
     rate = next((rates[name] for name in _RATES if name in rates), None)

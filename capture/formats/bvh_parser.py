@@ -21,6 +21,8 @@ FRAMES = re.compile(r"frames\s*:?\s*(\d{1,9})", re.IGNORECASE)
 FRAME_TIME = re.compile(r"frame\s*time\s*:?(.*)", re.IGNORECASE)
 LONGEST_SECONDS = 2.0
 """Frame time from which it is in milliseconds, in seconds."""
+MAX_DAMAGED_SHARE = 0.05
+"""Largest share of lines of motion with too few or too many numbers, of which none is known then."""
 MAX_NUMBER = 1e9
 """Bound of the magnitude of a number: larger than any length or angle, small enough that nothing overflows."""
 
@@ -60,7 +62,7 @@ def parse(path: Path, fps: float | None = None) -> tuple[list[Node], NDArray[np.
     -------
     nodes : list of Node
     motion : (T, C) float64
-        Numbers of all channels of all nodes, in file units and degrees; perhaps NaN.
+        Numbers of all channels of all nodes, in file units and degrees; NaN in damaged lines.
     frame_time : float
         Seconds per frame.
     notes : tuple of str
@@ -88,7 +90,8 @@ def parse(path: Path, fps: float | None = None) -> tuple[list[Node], NDArray[np.
             fix="The file may be incomplete. Copy it again, or export the motion with the skeleton.",
         )
     refuse_too_many(at(path, lines.last), len(rows), len(nodes))
-    count, _ = Counter(len(layout.split(text)) for _, text in rows).most_common(1)[0]
+    counts = np.array([len(layout.split(text)) for _, text in rows])
+    count, _ = Counter(counts.tolist()).most_common(1)[0]
     if len(rows) > 1 and count != layout.columns:
         raise SkeletonLogError(
             at(path, rows[0][0]),
@@ -96,7 +99,9 @@ def parse(path: Path, fps: float | None = None) -> tuple[list[Node], NDArray[np.
             expected="the motion of this skeleton",
             fix="Export the skeleton and its motion together again.",
         )
-    motion = layout.table(path, rows)
+    read = np.flatnonzero((counts == count) | (np.mean(counts != count) > MAX_DAMAGED_SHARE))
+    motion = np.full((len(rows), width), np.nan)
+    motion[read] = layout.table(path, [rows[index] for index in read])
     for row, values in zip(rows, motion, strict=True):
         _check_size(path, row, values)
     return nodes, motion, frame_time, (*time_notes, *row_notes)

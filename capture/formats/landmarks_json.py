@@ -4,10 +4,12 @@ Programs that use MediaPipe, OpenPose and other trackers write frames as a list,
 somewhere in each is a pose, or one for each person. A pose is an object of names, a list of points, or a list of
 numbers, or has joints with names at any depth. A point is ``[x, y, z]`` or ``{x, y, z}``, perhaps with a confidence. Of
 several poses in a frame, one in space (*world*, *3d*) counts. A document may also be one pose, or have a list of points
-over time for each name.
+over time for each name. A point that is missing, null or NaN is lost.
 """
 
+import math
 import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
@@ -25,20 +27,24 @@ from capture.formats.clips import DEFAULT_FPS, MAX_JOINTS, frame_rate
 from capture.formats.joint_sets import fits, joint_set
 from capture.formats.layouts import JOINT_SETS
 from capture.formats.options import ReadOptions
-from capture.formats.positions import clip_of_positions, is_person
+from capture.formats.positions import clip_of_positions, is_person, refuse_incomplete
 from capture.formats.table import confidence_of, seconds_of
 from puppetline.errors import SkeletonLogError
 
-_HINT = re.compile(rb'elbow|upper_?arm|humerus|keypoints|landmarks|\[\s*\[\s*-?[0-9]|"x"\s*:', re.IGNORECASE)
+_HINT = re.compile(rb'elbow|joint|upper_?arm|humerus|keypoints|landmarks|\[\s*\[\s*-?[0-9]|"x"\s*:', re.IGNORECASE)
 _CONFIDENCES = ("visibility", "confidence", "score", "presence", "c", "v", "likelihood")
 _TIMES = ("time", "timestamp", "timestamp_ms", "timestampMs", "t", "time_s", "time_ms", "frame_time", "timestamp_usec")
 _FRAMES = ("frame", "frame_id", "frame_index", "frameNumber", "index")
 _IDS = ("person_id", "track_id", "id", "body_id", "user")
-_POSITIONS = ("position", "positions", "pos", "location", "translation")
+_POSITIONS = ("position", "positions", "pos", "location", "translation", "camera")
 _NAME = re.compile("name|tag|type|joint|part|keypoint|label|landmark", re.IGNORECASE)
+_IN_SPACE = re.compile("world|3d", re.IGNORECASE)
 _SIZES = {len(joints) for joints in JOINT_SETS.values()}
 MAX_NUMBER = 2.0**63
 """Bound of the magnitude of a number: larger than any time in nanoseconds, small enough for calculations."""
+
+MIN_NAMES = 6
+"""Number of names from which points are those of a pose."""
 
 MAX_POSES = 3
 """Number of poses up to which an object with names for them is a frame; more are frames, with names of images."""
@@ -46,12 +52,21 @@ MAX_POSES = 3
 MAX_DEPTH = 4
 """Number of levels of a frame in which its poses are searched."""
 
+MAX_PEOPLE = 16
+"""Number of people in a frame; a longer list of poses has the frames of a recording."""
+
+_LOST = [math.nan] * 3
+
 
 class _Pose(NamedTuple):
-    """The names of points, if they have some, and the numbers of each; of a list of numbers, each one apart."""
+    """The names of points, if they have some, and the numbers of each; of a list of numbers, each one apart.
+
+    `in_space` tells that the document calls them so; poses beside them are in an image.
+    """
 
     names: tuple[str, ...] | None
     rows: list[list[float]]
+    in_space: bool = False
 
 
 def matches(head: bytes) -> bool:
@@ -68,41 +83,60 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
         The document cannot be read, or has no positions in space of a person's landmarks.
     """
     document = load(path)
+    if clips := clips_of(path, "landmarks_json", document, options):
+        return clips
+    names = dict.fromkeys(name for name, _ in islice(_joints(document), MAX_JOINTS))
+    if len(names) >= MIN_NAMES:
+        refuse_incomplete(path, list(names))
+    with opened(path) as file:
+        head = file.read(20_000)
+    is_flat = re.search(b"_2d|keypoints", head) is not None
+    start = head.lstrip(b"\xef\xbb\xbf \r\n\t")[:1]
+    kind = "XML" if start == b"<" else "JSON" if start in (b"{", b"[") else "lists in brackets"
+    keys = f" with the keys {', '.join(map(str, list(document)[:8]))}" if isinstance(document, dict) else ""
+    raise SkeletonLogError(
+        path,
+        found=f"{kind} with positions in an image (2D)" if is_flat else f"{kind}{keys}, without positions in space",
+        expected="x, y and z of a person's landmarks in each frame",
+        fix="Use the tracker's positions in space (MediaPipe: pose_world_landmarks), or the video itself."
+        if is_flat
+        else EXPORT,
+    )
+
+
+def clips_of(path: Path, log_format: str, document: Any, options: ReadOptions) -> list[SkeletonClip]:
+    """Return one clip per person in a document of dictionaries, lists, texts and numbers; none if it has no pose.
+
+    Raises
+    ------
+    SkeletonLogError
+        The poses are no person's.
+    """
     people: dict[int, list[tuple[int, dict[str, Any], _Pose]]] = {}
     for index, frame in enumerate(_frames(document)):
         for order, (owner, pose) in enumerate(_poses(frame)):
             user = next((owner[key] for key in _IDS if isinstance(owner.get(key), int)), order)
             people.setdefault(user, []).append((index, frame if isinstance(frame, dict) else {}, pose))
-    if not people:
-        with opened(path) as file:
-            head = file.read(20_000)
-        is_flat = re.search(b"_2d|keypoints", head) is not None
-        start = head.lstrip(b"\xef\xbb\xbf \r\n\t")[:1]
-        kind = "XML" if start == b"<" else "JSON" if start in (b"{", b"[") else "lists in brackets"
-        keys = f" with the keys {', '.join(map(str, list(document)[:8]))}" if isinstance(document, dict) else ""
-        raise SkeletonLogError(
-            path,
-            found=f"{kind} with positions in an image (2D)" if is_flat else f"{kind}{keys}, without positions in space",
-            expected="x, y and z of a person's landmarks in each frame",
-            fix="Use the tracker's positions in space (MediaPipe: pose_world_landmarks), or the video itself."
-            if is_flat
-            else EXPORT,
-        )
-    return [replace(_clip(path, seen, options), user=user) for user, seen in people.items()]
+    return [replace(_clip(path, log_format, seen, options), user=user) for user, seen in people.items()]
 
 
-def _clip(path: Path, seen: Sequence[tuple[int, dict[str, Any], _Pose]], options: ReadOptions) -> SkeletonClip:
-    """Return the clip of one person; poses with other names or another length than the first are skipped."""
-    names = seen[0][2].names
-    width = len(seen[0][2].rows)
-    same = [each for each in seen if each[2].names == names and len(each[2].rows) == width]
+def _clip(
+    path: Path, log_format: str, seen: Sequence[tuple[int, dict[str, Any], _Pose]], options: ReadOptions
+) -> SkeletonClip:
+    """Return the clip of one person, of the poses with names if there are some, or else of those of most points."""
+    seen = [each for each in seen if each[2].in_space] or seen
+    names: Sequence[str] = tuple(dict.fromkeys(name for _, _, pose in seen for name in pose.names or ()))[:MAX_JOINTS]
+    width = len(names) or Counter(len(pose.rows) for _, _, pose in seen).most_common(1)[0][0]
+    same = [each for each in seen if (each[2].names if names else len(each[2].rows) == width)]
     rows = np.full((len(same), width, 4), np.nan)
+    place = {name: index for index, name in enumerate(names)}
     for row, (_, _, pose) in zip(rows, same, strict=True):
-        for point, values in zip(row, pose.rows, strict=True):
-            point[: min(len(values), 4)] = values[:4]
+        for index, values in zip(map(place.get, pose.names) if pose.names else range(width), pose.rows, strict=True):
+            if index is not None:
+                row[index, : min(len(values), 4)] = values[:4]
     if len(same[0][2].rows[0]) == 1:
         rows = _as_points(rows[..., 0], options)
-    if names is None:
+    if not names:
         names = JOINT_SETS[joint_set(path, rows[..., :3], options.joints, "JSON")]
     confidence = confidence_of(rows[..., 3]) if np.isfinite(rows[..., 3]).any() else None
     times = None
@@ -115,7 +149,7 @@ def _clip(path: Path, seen: Sequence[tuple[int, dict[str, Any], _Pose]], options
         fps, notes = frame_rate(options, DEFAULT_FPS)
         times = np.array([index for index, _, _ in same]) / fps
     return clip_of_positions(
-        path, "landmarks_json", names, rows[..., :3], options, times=times, confidence=confidence, notes=notes
+        path, log_format, names, rows[..., :3], options, times=times, confidence=confidence, notes=notes
     )
 
 
@@ -139,8 +173,10 @@ def _frames(document: Any) -> list[Any]:
     """Return the frames of a document."""
     if _pose(document) is not None:
         return [document]
-    if isinstance(document, list) and any(_poses(frame) for frame in document[:50]):
-        return document
+    if isinstance(document, list) and any(_poses(frame) for frame in document[:: len(document) // 50 + 1]):
+        inner = [frames for each in document if isinstance(each, dict) and len(frames := _frames(each)) > 1]
+        longest: list[Any] = max(inner, key=len, default=[])
+        return longest if len(longest) > (MAX_PEOPLE if len(document) > 1 else 1) else document
     if isinstance(document, dict):
         is_numbered = all(key.replace(".", "", 1).isdecimal() for key in document)
         if document and (is_numbered or (len(document) > MAX_POSES and all(map(_pose, document.values())))):
@@ -180,11 +216,12 @@ def _poses(value: Any, depth: int = MAX_DEPTH) -> list[tuple[dict[str, Any], _Po
     if depth == 0:
         return []
     if isinstance(value, list):
-        return [found for each in value[:16] for found in _poses(each, depth - 1)]
+        return [found for each in value[:MAX_PEOPLE] for found in _poses(each, depth - 1)]
     if isinstance(value, dict):
-        for key in sorted(value, key=lambda key: ("world" not in key.lower() and "3d" not in key.lower(), key)):
+        for key in sorted(value, key=lambda key: (not _IN_SPACE.search(key), key)):
             if not re.search("2d|hand|face", key, re.IGNORECASE) and (found := _poses(value[key], depth - 1)):
-                return [(owner or value, pose) for owner, pose in found]
+                is_known = _IN_SPACE.search(key) is not None
+                return [(own or value, pose._replace(in_space=pose.in_space or is_known)) for own, pose in found]
     return []
 
 
@@ -194,12 +231,12 @@ def _pose(value: Any) -> _Pose | None:
         own = {name: point for name, each in value.items() if (point := _point(each)) is not None}
         if len(own) == len(value) in _SIZES and all(key.isdecimal() for key in own):
             return _Pose(None, list(own.values()))
-        if len(own) > 5 and is_person(list(own)):
+        if len(own) >= MIN_NAMES and is_person(list(own)):
             return _Pose(tuple(own), list(own.values()))
     joints = list(islice(_joints(value), MAX_JOINTS + 1))
     names = tuple(name for name, _ in joints)
-    if 5 < len(set(names)) == len(names) <= MAX_JOINTS and is_person(names):
-        return _Pose(names, [point for _, point in joints])
+    if MIN_NAMES <= len(set(names)) == len(names) <= MAX_JOINTS and not all(map(str.isdecimal, names)):
+        return _Pose(names, [point for _, point in joints]) if is_person(names) else None
     if not isinstance(value, list) or len(value) < min(_SIZES):
         return None
     if all(_is_number(each) for each in value):
@@ -220,13 +257,15 @@ def _joints(value: Any) -> Iterator[tuple[str, list[float]]]:
 
 
 def _point(value: Any) -> list[float] | None:
-    """Return x, y, z and perhaps the confidence of a point in space."""
-    if isinstance(value, list) and 3 <= len(value) <= 5 and all(_is_number(each) for each in value):
-        return [float(each) for each in value]
+    """Return x, y, z and perhaps the confidence of a point in space; NaN if it is lost."""
+    if value is None:
+        return _LOST
+    if isinstance(value, list) and 3 <= len(value) <= 5 and all(each is None or _is_number(each) for each in value):
+        return [math.nan if each is None else float(each) for each in value]
     if isinstance(value, dict):
         own = {key.lower(): each for key, each in value.items()}
         sure = [float(own[key]) for key in _CONFIDENCES if _is_number(own.get(key))][:1]
-        place = [_as_number(own.get(axis)) for axis in "xyz"]
+        place = [_as_number(own.get(axis, own.get(f"camera{axis}"))) for axis in "xyz"]
         if all(_is_number(each) for each in place):
             return [*map(float, place), *sure]
         inner = next((own[key] for key in _POSITIONS if key in own), None)
@@ -244,4 +283,4 @@ def _as_number(value: Any) -> Any:
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) < MAX_NUMBER
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and not abs(value) >= MAX_NUMBER

@@ -26,14 +26,15 @@ JOINT_SETS: dict[str, tuple[str, ...]] = {
 }
 """Names of the joints of each set."""
 
+_ENDS = {"mediapipe": (42, 468, 478, 510, 520), "body_25": (42, 70, 112), "smpl_22": (23, 30, 33, 51, 105, 122)}
+"""How many landmarks of hands, face or feet may follow the joints of a set."""
+
 HOLISTIC = {
     f"{name}_{len(JOINT_SETS[name]) + count}": (*JOINT_SETS[name], *(f"_{index}" for index in range(count)))
-    for name, faces in (("mediapipe", (0, 468, 478)), ("body_25", (0, 70)))
-    for face in faces
-    for count in {face, face + 2 * 21} - {0}
+    for name, counts in _ENDS.items()
+    for count in counts
 }
-"""Poses of MediaPipe and OpenPose, before the landmarks of hands or face, which no recording has in rows of their own.
-"""
+"""Poses before the landmarks of hands and face, which no recording has in rows of their own."""
 JOINT_SETS |= HOLISTIC
 
 _NAMES = {"spine_base": "hip_center", "pelvis": "hip_center", "spine_mid": "spine", "spine_navel": "spine"}

@@ -24,7 +24,7 @@ MARKERS = {
     "ankle sides": "ank ankle mankle lmal mmal fal tam",
     "toe": "toe to toetip mt2 mt1 mt5 forefoot bigtoe fm1 fm2 fm5",
     "heel": "hee heel cal calc heelback fcc",
-    "shoulder": "sho fsh bsh acromium acromion acr shoulder acrotip sae",
+    "shoulder": "sho fsh bsh ac acromium acromion acr shoulder acrotip sae",
     "elbow": "elb iel elbow elbm melbow lel mel hle hme",
     "wrist": "wri owr iwr wre wra wrb w wrist faradius faulna radius ulna rsp usp",
     "hand": "fin finger hand ihand ohand mcp3 middfing hm2 hm5",

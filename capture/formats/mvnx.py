@@ -1,20 +1,18 @@
 """MVNX of Xsens: positions and orientations of 23 segments, as XML. z points up, lengths are metres."""
 
 from pathlib import Path
-from typing import Any
-from xml.parsers import expat
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from capture.clip import SkeletonClip
-from capture.formats._files import opened
+from capture.formats._documents import load, values_of
 from capture.formats._rows import is_number
 from capture.formats.clips import refuse_too_many
 from capture.formats.options import ReadOptions
 from capture.formats.skeleton_motion import SkeletonMotion, clips_of
-from puppetline.errors import SkeletonLogError, at
+from puppetline.errors import SkeletonLogError
 
 _LEG, _ARM = ("UpperLeg", "LowerLeg", "Foot", "Toe"), ("Shoulder", "UpperArm", "Forearm", "Hand")
 SEGMENTS = (
@@ -23,8 +21,8 @@ SEGMENTS = (
 )
 """Names of the segments in the order in which files have them, if a file does not name them."""
 
-MAX_CHARACTERS = 1_000_000_000
-"""Maximum number of characters of numbers, so that a damaged file does not fill the memory."""
+DEFAULT_FPS = 60.0
+"""Frames per second of a file that states neither times nor a rate."""
 
 
 def matches(head: bytes) -> bool:
@@ -40,20 +38,21 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
     SkeletonLogError
         The file is damaged, has document types or entities, or has no frames.
     """
-    file = _File()
-    try:
-        with opened(path) as source:
-            file.parser.ParseFile(source)
-    except (expat.ExpatError, ValueError, LookupError) as error:
-        raise SkeletonLogError(
-            at(path, file.parser.CurrentLineNumber),
-            found=f"XML that cannot be read ({error})",
-            expected="an MVNX file",
-            fix="Export the file again.",
-        ) from error
-    names = file.names or list(SEGMENTS)
+    document = load(path, ("position", "orientation"))
+    segments = [each["label"] for each in values_of(document, "segment") if isinstance(each, dict) and "label" in each]
+    names = segments or list(SEGMENTS)
     count = len(names)
-    frames = [each for each in file.frames if len(each[1]) == 3 * count and len(each[2]) == 4 * count]
+    frames = [
+        (
+            each.get("type", "normal"),
+            _numbers(each.get("position")),
+            _numbers(each.get("orientation")),
+            each.get("time"),
+        )
+        for each in values_of(document, "frame")
+        if isinstance(each, dict)
+    ]
+    frames = [each for each in frames if len(each[1]) == 3 * count and len(each[2]) == 4 * count]
     moving = [each for each in frames if each[0] == "normal"]
     if not moving or set(SEGMENTS[:7]) - set(names):
         raise SkeletonLogError(
@@ -69,9 +68,10 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
     turns = np.where(lengths > 0, turns, [1.0, 0.0, 0.0, 0.0])
     rotations = Rotation.from_quat(turns[:, [1, 2, 3, 0]]).as_matrix().reshape(len(moving), count, 3, 3)
     rest = np.array(next((each[1] for each in frames if each[0] != "normal"), moving[0][1])).reshape(count, 3)
-    fps = options.fps or file.fps
-    times = np.array([each[3] for each in moving]) / 1000 if options.fps is None else np.full(len(moving), np.nan)
-    if np.isnan(times).any() or (np.diff(times) <= 0).any():
+    rates = [rate for rate in values_of(document, "frameRate") if isinstance(rate, float) and rate > 0]
+    fps = options.fps or next(iter(rates), DEFAULT_FPS)
+    times = np.array([each[3] if isinstance(each[3], float) else np.nan for each in moving]) / 1000
+    if options.fps is not None or np.isnan(times).any() or (np.diff(times) <= 0).any():
         times = np.arange(len(moving)) / fps
     parents = [names.index(parent) if (parent := _parent(name)) in names else -1 for name in names]
     motion = SkeletonMotion(names, parents, rest, list(positions.swapaxes(0, 1)), list(rotations.swapaxes(0, 1)))
@@ -89,51 +89,7 @@ def _parent(name: str) -> str:
     return trunk[trunk.index(name) - 1] if name in trunk[1:] else ""
 
 
-class _File:
-    """What a file has: names of segments, frames per second, and type, positions, orientations and ms of each frame."""
-
-    def __init__(self) -> None:
-        self.names: list[str] = []
-        self.fps = 60.0
-        self.frames: list[tuple[str, NDArray[np.float64], NDArray[np.float64], float]] = []
-        self._frame: dict[str, str] | None = None
-        self._values: dict[str, list[str]] = {}
-        self._inside, self._size = "", 0
-        self.parser = expat.ParserCreate()
-        self.parser.StartDoctypeDeclHandler = self._refuse
-        self.parser.StartElementHandler = self._start
-        self.parser.EndElementHandler = self._end
-        self.parser.CharacterDataHandler = self._text
-
-    def _refuse(self, *_: Any) -> None:
-        raise ValueError("a document type, which no MVNX file needs")
-
-    def _start(self, name: str, attributes: dict[str, str]) -> None:
-        if name == "subject" and is_number(rate := attributes.get("frameRate", "")) and float(rate) > 0:
-            self.fps = float(rate)
-        elif name == "segment" and "label" in attributes:
-            self.names.append(attributes["label"])
-        elif name == "frame":
-            self._frame, self._values = attributes, {}
-        elif self._frame is not None and name in ("position", "orientation"):
-            self._inside = name
-
-    def _text(self, text: str) -> None:
-        if self._inside:
-            self._size += len(text)
-            if self._size > MAX_CHARACTERS:
-                raise ValueError("more numbers than an hour of motion has")
-            self._values.setdefault(self._inside, []).append(text)
-
-    def _end(self, name: str) -> None:
-        self._inside = ""
-        if name == "frame" and self._frame is not None:
-            position, turn = (
-                np.array("".join(self._values.get(key, [])).split(), dtype=np.float64)
-                for key in ("position", "orientation")
-            )
-            time = self._frame.get("time", "")
-            self.frames.append(
-                (self._frame.get("type", "normal"), position, turn, float(time) if is_number(time) else np.nan)
-            )
-            self._frame = None
+def _numbers(value: object) -> NDArray[np.float64]:
+    """Return the numbers of a text; none of anything else."""
+    words = value.split() if isinstance(value, str) else []
+    return np.array(words, dtype=np.float64) if all(map(is_number, words)) else np.empty(0)

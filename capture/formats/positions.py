@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,7 @@ from capture.formats.proportions import (
     TYPICAL_TRUNK_METRES,
     refuse_flat,
     refuse_other_bodies,
+    without_stray_end,
 )
 from capture.formats.skeleton_joints import BONES, MIDPOINTS
 from capture.skeleton import INFERRED, JOINT_INDEX, JOINTS, LOST
@@ -139,19 +141,23 @@ def clip_of_positions(
         names, positions, confidence = list(joints), np.stack(list(joints.values()), axis=1), None
         notes = (*notes, "The joints follow from the markers on both sides of them.")
     body = select(path, names, positions, confidence)
+    seen = {joint: own for joint, own in body.sources.items() if np.isfinite(body.points[:, JOINT_INDEX[joint]]).any()}
+    if seen and _missing(seen):
+        refuse_incomplete(path, [names[index] for own in seen.values() for index in own])
     factors, image_note = image_positions.unit_of(body.points)
     if image_note:
         body = select(path, names, positions * factors, confidence)
     has_hips = bool(body.sources.keys() & {"hip_center", "hip_left"})
     refuse_flat(path, body.points, MIN_THICKNESS if has_hips else MIN_THICKNESS_WITHOUT_HIPS)
-    refuse_other_bodies(path, body.points)
-    size = size_of(path, body.points, options, in_image=bool(image_note))
-    points, far_notes = without_far_frames(body.points, size.unit)
+    points, stray_notes = without_stray_end(body.points)
+    refuse_other_bodies(path, points)
+    size = size_of(path, points, options, in_image=bool(image_note))
+    points, far_notes = without_far_frames(points, size.unit)
     where = place(path, points, body.front, size, options, in_image=bool(image_note))
     if times is None:
         fps, rate_notes = frame_rate(options, DEFAULT_FPS)
         times, notes = np.arange(len(positions)) / fps, (*notes, *rate_notes)
-    notes = (*notes, *((image_note,) if image_note else ()), *far_notes, *body.notes, *where.notes)
+    notes = (*notes, *((image_note,) if image_note else ()), *stray_notes, *far_notes, *body.notes, *where.notes)
     confidence = np.where(np.isnan(points).any(axis=2), np.float32(LOST), body.confidence)
     return build_clip(path, log_format, times, where.apply(points), confidence, notes)
 
@@ -167,14 +173,8 @@ def select(
         Joints of a person are missing among the names.
     """
     sources, landmarks = _sources(names)
-    if missing := _missing(sources):
-        listed = ", ".join(names)
-        raise SkeletonLogError(
-            path,
-            found=f"no position for {', '.join(missing)} among {listed[:200]}{' …' if len(listed) > 200 else ''}",
-            expected="the joints of a person, such as ShoulderLeft, or all markers of Plug-in Gait or OpenSim",
-            fix="Export them too, or rename the joints. In a table, --columns names the columns that have them.",
-        )
+    if _missing(sources):
+        refuse_incomplete(path, names)
     given = np.ones(positions.shape[:2], np.float32) if confidence is None else confidence
     at_origin = (positions == 0).all(axis=2)
     at_origin &= ~_is_origin(positions, at_origin)
@@ -200,6 +200,18 @@ def is_person(names: Sequence[str]) -> bool:
 def missing_joints(names: Sequence[str]) -> list[str]:
     """Return the joints that a person must have and that no name is of."""
     return _missing(_sources(names)[0])
+
+
+def refuse_incomplete(path: Path, names: Sequence[str]) -> NoReturn:
+    """Raise the error for names that are no whole person's."""
+    listed = ", ".join(names)
+    raise SkeletonLogError(
+        path,
+        found=f"no position for {', '.join(missing_joints(names))} among {listed[:200]}"
+        f"{' …' if len(listed) > 200 else ''}",
+        expected="the joints of a person, such as ShoulderLeft, or all markers of Plug-in Gait or OpenSim",
+        fix="Export them too, or rename the joints. In a table, --columns names the columns that have them.",
+    )
 
 
 def _missing(sources: Mapping[str, object]) -> list[str]:

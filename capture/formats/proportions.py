@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from capture.body import TYPICAL_BONE_METRES, typical_bone_length
 from capture.formats.placement import bone_length
-from capture.skeleton import PARENTS
+from capture.skeleton import JOINT_INDEX, PARENTS
 from puppetline.errors import SkeletonLogError
 
 Floats = NDArray[np.float64]
@@ -32,6 +32,15 @@ BONES = tuple(
 )
 """The long bones of the limbs, by which a person is recognised."""
 
+ENDS = {"wrist": "hand", "ankle": "foot"}
+"""Joints at the ends of long bones, and the joints after them."""
+
+MIN_GOOD_SHARE = 0.25
+"""Smallest share of frames in which a bone is a person's, if it is not in the others."""
+
+MAX_HEAD_COSINE = -0.5
+"""Cosine of the angle between trunk and head from which the latter hangs down, which no neck allows."""
+
 
 def bone_ratios(points: Floats) -> Floats:
     """Return how much longer the long bones are than a typical person's (9,), relative to their median.
@@ -44,6 +53,37 @@ def bone_ratios(points: Floats) -> Floats:
         lengths = [np.nanmedian(bone_length(points, *bone)) for bone in (*BONES, ("shoulder_center", "hip_center"))]
         ratios = np.array(lengths) / typical
         return ratios / np.nanmedian(ratios)
+
+
+def without_stray_end(points: Floats) -> tuple[Floats, tuple[str, ...]]:
+    """Return points (T, 20, 3) without a wrist or an ankle where it is too far from the joint before, and a note.
+
+    Trackers that see a body from several sides lose an end of a limb for long. It counts only if all other bones are a
+    person's, and this one is in `MIN_GOOD_SHARE` of the frames: otherwise the joints may be others.
+    """
+    ratios = bone_ratios(points)
+    wrong = np.flatnonzero(~_is_persons(ratios) & np.isfinite(ratios))
+    if len(wrong) != 1 or wrong[0] == len(BONES) or BONES[wrong[0]][0].split("_")[0] not in ENDS:
+        return points, ()
+    joint, parent = BONES[wrong[0]]
+    lengths = bone_length(points, joint, parent)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        is_good = _is_persons(ratios[wrong[0]] * lengths / np.nanmedian(lengths))
+    known = np.isfinite(lengths)
+    if np.count_nonzero(is_good) < MIN_GOOD_SHARE * np.count_nonzero(known):
+        return points, ()
+    name, side = joint.split("_")
+    points = points.copy()
+    for lost in (joint, f"{ENDS[name]}_{side}"):
+        points[~is_good, JOINT_INDEX[lost]] = np.nan
+    count = f"{np.count_nonzero(known & ~is_good)} of {len(points)} frames"
+    return points, (f"In {count}, {joint} is too far from or too close to {parent} for a person. It is lost there.",)
+
+
+def _is_persons(ratios: Floats) -> NDArray[np.bool_]:
+    """Return whether bones are as long as a person's, by their ratios to a typical one's."""
+    is_near: NDArray[np.bool_] = np.abs(np.log(ratios)) < np.log(MAX_BONE_RATIO)
+    return is_near
 
 
 def refuse_flat(path: Path, points: Floats, least: float = MIN_THICKNESS) -> None:
@@ -67,25 +107,35 @@ def refuse_flat(path: Path, points: Floats, least: float = MIN_THICKNESS) -> Non
 
 
 def refuse_other_bodies(path: Path, points: Floats) -> None:
-    """Check that the bones of points (T, 20, 3) have the proportions of a person.
+    """Check that the bones of points (T, 20, 3) have the proportions of a person, and that the head is on the neck.
 
     Raises
     ------
     SkeletonLogError
-        A long bone is too long or too short.
+        A long bone is too long or too short, or the head is below the shoulders.
     """
     ratios = bone_ratios(points)
-    wrong = ~(np.abs(np.log(ratios)) < np.log(MAX_BONE_RATIO)) & np.isfinite(ratios)
-    if wrong.any() or not np.isfinite(ratios).any():
+    wrong = ~_is_persons(ratios) & np.isfinite(ratios)
+    if wrong.any() or not np.isfinite(ratios).any() or _is_headless(points):
         bones = (*BONES, ("shoulder_center", "hip_center"))
         listed = ", ".join(
             f"{parent} to {joint} {ratio:.2g} times a person's"
             for (joint, parent), ratio, bad in zip(bones, ratios, wrong, strict=True)
             if bad
         )
+        other = "the head is below the shoulders" if np.isfinite(ratios).any() else "none is known"
         raise SkeletonLogError(
             path,
-            found=f"distances between joints that no person has ({listed or 'none is known'})",
+            found=f"distances between joints that no person has ({listed or other})",
             expected="the joints of a person, in the order of their names",
             fix="Check the names and the order of the joints; --joints and --columns set them.",
         )
+
+
+def _is_headless(points: Floats) -> bool:
+    """Return whether the head of points (T, 20, 3) mostly hangs down from the neck along the trunk."""
+    hips, neck, head = (points[:, JOINT_INDEX[joint]] for joint in ("hip_center", "shoulder_center", "head"))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        trunk, top = (way / np.linalg.norm(way, axis=1, keepdims=True) for way in (neck - hips, head - neck))
+    bend = np.einsum("ti,ti->t", trunk, top)
+    return bool(np.isfinite(bend).any() and np.nanmedian(bend) < MAX_HEAD_COSINE)

@@ -25,7 +25,8 @@ def saved(function=np.save, *content, **named):
 
 
 @pytest.mark.parametrize(
-    "name", ["kinect_v1", "utd_mhad", "msr_action3d", "human36m", "kinect_v2", "mediapipe", "mediapipe_22"]
+    "name",
+    ["kinect_v1", "utd_mhad", "msr_action3d", "human36m", "kinect_v2", "mediapipe", "mediapipe_22", "zed_34", "zed_38"],
 )
 @pytest.mark.parametrize("axes", [(0, 1, 2), (1, 2, 0), (2, 0, 1)])
 def test_the_order_of_joints_and_axes_is_found(read, name, axes):
@@ -73,6 +74,25 @@ def test_structures_with_positions_beside_their_names_or_called_like_joints(read
         [clip] = read(arrays, (tmp_path / "take.mat").read_bytes())
         np.testing.assert_array_equal(clip.positions, person())
         assert clip.times[3] == 0.05
+
+
+@pytest.mark.parametrize("is_named", [True, False])
+def test_structures_may_have_the_bodies_of_each_frame(read, tmp_path, is_named):
+    poses = joints_as(JOINT_SETS["kinect_v2"])
+
+    def body(pose):
+        joints = np.empty((1, len(pose)), object)
+        for index, (name, point) in enumerate(zip(JOINT_SETS["kinect_v2"], pose, strict=True)):
+            joints[0, index] = {"camera": point[:, None], "trackingState": 2.0} | ({"name": name} if is_named else {})
+        return {"isBodyTracked": 1.0, "joints": joints}
+
+    bodies = np.empty((len(poses), 6), object)
+    for frame, pose in enumerate(poses):
+        bodies[frame] = [{"isBodyTracked": 0.0}] * 2 + [body(pose)] + [{"isBodyTracked": 0.0}] * 3
+    savemat(tmp_path / "body.mat", {"body": bodies})
+    [clip] = read(arrays, (tmp_path / "body.mat").read_bytes())
+    own = [JOINT_INDEX[joint] for joint in JOINTS if joint.startswith(("elbow", "wrist", "hip", "knee", "ankle"))]
+    np.testing.assert_allclose(clip.positions[:, own], person()[:, own], atol=1e-9)
 
 
 def test_smpl_parameters_turn_the_bones(read):

@@ -104,6 +104,20 @@ def test_a_wrong_frame_count_or_a_file_cut_off_is_noted_and_all_complete_frames_
         assert " 6 " in count
 
 
+def test_few_damaged_lines_of_motion_are_omitted_and_the_others_keep_their_time(read):
+    rows = random_rows(40, 7)
+    lines = ["HIERARCHY", *hierarchy(BODY), *motion(rows)]
+    (whole,) = read(bvh, lines)
+    lines[-30] = lines[-30].rsplit(" ", 1)[0]
+    lines[-10] += " 0.5"
+    (clip,) = read(bvh, lines)
+    kept = np.delete(np.arange(40), [10, 30])
+    np.testing.assert_array_equal(clip.times, whole.times[kept])
+    np.testing.assert_array_equal(clip.positions, whole.positions[kept])
+    (note,) = set(clip.notes) - set(whole.notes)
+    assert "2 of 40 frames" in note
+
+
 def test_text_after_the_last_frame_is_skipped_with_a_note(read, assert_same_frames):
     (whole,) = read(bvh, GOOD)
     (clip,) = read(bvh, [*GOOD, "", "# made by hand", "END of take 7"])

@@ -93,7 +93,7 @@ GOOD = json.dumps([[body()]])
     ("text", "place"),
     [
         ('{"frames": []}', TOP_LEVEL),
-        (GOOD.replace("212", "NaN", 1), ""),
+        (GOOD.replace("212", "NaN", 1), "[0][0].joints[0].y"),
         (GOOD.replace("212", "1e999", 1), "[0][0].joints[0].y"),
         (GOOD[:500], "line 1"),
         ("[" * 100_000, ""),

@@ -30,6 +30,10 @@ FORMS = {
     "objects": lambda pose: {"landmarks2d": [{"x": 1, "y": 2}] * 33, "landmarks": objects(pose), "time": 0.04},
     "world": lambda pose: {"pose_landmarks": listed(pose * [1, 2, 3]), "pose_world_landmarks": listed(pose)},
     "texts": lambda pose: [dict(zip("xyz", map(str, point), strict=True)) for point in listed(pose)],
+    "camera": lambda pose: [
+        {"joint": name, "cameraX": x, "cameraY": y, "cameraZ": z, "depthX": 7, "depthY": 8}
+        for name, (x, y, z) in zip(BLAZEPOSE, listed(pose), strict=True)
+    ],
     "lists": listed,
     "numbers": lambda pose: {"people": [{"pose_keypoints_3d": [float(each) for each in pose.ravel()]}]},
 }
@@ -119,3 +123,56 @@ def test_poses_may_have_the_names_of_pictures(read, form):
 def test_a_document_may_be_one_frame(read):
     [clip] = read(landmarks_json, json.dumps(FORMS["world"](POINTS[0])))
     np.testing.assert_allclose(clip.positions[0, ARMS], person()[0, ARMS], atol=1e-9)
+
+
+WRIST = BLAZEPOSE.index("right_wrist")
+
+
+@pytest.mark.parametrize("lost", [[np.nan] * 3, [None] * 3, None])
+@pytest.mark.parametrize("is_named", [True, False])
+def test_points_without_numbers_are_lost(read, lost, is_named):
+    poses = [listed(pose) for pose in POINTS]
+    poses[2][WRIST] = lost
+    named = [dict(zip(BLAZEPOSE, pose, strict=True)) for pose in poses]
+    [clip] = read(landmarks_json, json.dumps(named if is_named else poses))
+    [whole] = read(landmarks_json, json.dumps([listed(pose) for pose in POINTS]))
+    expected = whole.positions.copy()
+    expected[2, JOINT_INDEX["wrist_right"]] = np.nan
+    np.testing.assert_allclose(clip.positions[:, ARMS], expected[:, ARMS], atol=1e-9)
+
+
+def test_names_that_a_frame_lacks_are_lost_there(read):
+    poses = [FORMS["names"](pose) for pose in POINTS]
+    for frame in (0, 2):
+        del poses[frame]["right_wrist"]
+    [clip] = read(landmarks_json, json.dumps(poses))
+    lost = np.isnan(clip.positions[:, JOINT_INDEX["wrist_right"]]).any(axis=1)
+    assert lost.tolist() == [True, False, True, False]
+    whole = [joint for joint in ARMS if joint != JOINT_INDEX["wrist_right"]]
+    np.testing.assert_allclose(clip.positions[:, whole], person()[:, whole], atol=1e-9)
+
+
+@pytest.mark.parametrize("samples", [1, 3])
+def test_frames_may_be_within_samples_as_rows_of_numbers(read, samples):
+    frames = [{"jointCount": len(JOINTS), "values": pose.ravel().tolist()} for pose in person(40)]
+    document = {"name": "wave", "samples": [{"rate": 15, "frames": frames[: 40 - k]} for k in range(samples)]}
+    content = json.dumps(document)
+    assert landmarks_json.matches(content.encode())
+    [clip] = read(landmarks_json, content)
+    np.testing.assert_allclose(clip.positions, person(40), atol=1e-9)
+
+
+def test_points_whose_names_are_no_persons_are_refused_by_them(read):
+    names = [f"antenna {letter}" for letter in "abcdefghijklmnopq"]  # as many as Human3.6M's joints
+    document = [{"name": name, "position": [1.0, 2.0, 3.0]} for name in names]
+    with pytest.raises(SkeletonLogError, match=r"shoulder_left.* among antenna a, antenna b"):
+        read(landmarks_json, json.dumps({"landmarks": document}))
+
+
+def test_a_pose_in_an_image_replaces_none_in_space(read):
+    frames = [FORMS["world"](pose) for pose in POINTS]
+    frames[2]["pose_world_landmarks"] = []
+    [clip] = read(landmarks_json, json.dumps(frames))
+    kept = [0, 1, 3]
+    np.testing.assert_allclose(clip.times, np.array(kept) / 30)
+    np.testing.assert_allclose(clip.positions[:, ARMS], person()[kept][:, ARMS], atol=1e-9)

@@ -204,6 +204,14 @@ def test_markers_on_shanks_are_at_no_shoulder(tmp_path):
     np.testing.assert_array_equal(clip.positions, expected)
 
 
+def test_markers_of_acromia_and_legs_are_a_person(tmp_path):
+    at = {name: place for name, place in body().items() if name[1:] not in ("SHO", "ELB", "WRA", "WRB", "FIN")}
+    at |= {f"{side[0].upper()}AC": np.array(STANDING[f"shoulder_{side}"]) for side in ("left", "right")}
+    (clip,) = read_log(trc(tmp_path / "a.trc", at), ReadOptions())
+    known = {name for name, index in JOINT_INDEX.items() if np.isfinite(clip.positions[:, index]).all()}
+    assert known == {name for name in JOINT_INDEX if name.split("_")[0] not in ("elbow", "wrist", "hand")}
+
+
 def test_markers_may_be_lost_in_the_first_frames(tmp_path):
     path = trc(tmp_path / "a.trc", body(), frames=6)
     lines = path.read_text().splitlines()

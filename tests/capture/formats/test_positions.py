@@ -183,7 +183,7 @@ def joints_as(names):
     for joint in JOINTS:
         at[joint.replace("_", "")] = poses[:, JOINT_INDEX[joint]]
     same = {"hip": "hipcenter", "spinebase": "hipcenter", "thorax": "shouldercenter", "spineshoulder": "shouldercenter"}
-    same |= {"spinemid": "spine", "neck": "shouldercenter"}
+    same |= {"spinemid": "spine", "neck": "shouldercenter", "pelvis": "hipcenter"}
     for side in "left", "right":
         at |= {f"{part}{side}": at[f"foot{side}"] for part in ("footindex",)}
         at |= {f"heel{side}": at[f"ankle{side}"], f"ear{side}": at["head"]}
@@ -253,6 +253,38 @@ def test_other_bodies_and_names_are_refused():
     for names in (wrong, [f"marker {joint}" for joint in range(20)]):
         with pytest.raises(SkeletonLogError):
             clip_of_positions(PATH, "table", names, poses, OPTIONS)
+
+
+def test_joints_that_are_never_seen_are_missing():
+    poses = person()
+    poses[:, [JOINT_INDEX["shoulder_left"], JOINT_INDEX["shoulder_right"]]] = np.nan
+    with pytest.raises(SkeletonLogError, match=r"no position for shoulder_left, shoulder_right among hand_left"):
+        clip_of_positions(PATH, "table", JOINTS, poses, OPTIONS)
+
+
+@pytest.mark.parametrize("joint", ["wrist_right", "ankle_left"])
+@pytest.mark.parametrize(("stray", "is_read"), [(6, True), (7, False)])
+def test_an_end_of_a_limb_that_is_often_too_far_away_is_lost_there(joint, stray, is_read):
+    poses = person(8)
+    poses[:stray, JOINT_INDEX[joint]] += [1.2, 0, 0]
+    if not is_read:
+        with pytest.raises(SkeletonLogError, match=f"to {joint}"):
+            clip_of_positions(PATH, "table", JOINTS, poses, OPTIONS)
+        return
+    clip = clip_of_positions(PATH, "table", JOINTS, poses, OPTIONS)
+    end = joint.replace("wrist", "hand").replace("ankle", "foot")
+    lost = {(frame, JOINT_INDEX[each]) for frame in range(stray) for each in (joint, end)}
+    assert {tuple(each) for each in np.argwhere(clip.confidence == 0).tolist()} == lost
+    known = clip.confidence > 0
+    np.testing.assert_allclose(clip.positions[known], person(8)[known], atol=1e-9)
+    assert any(f"In 6 of 8 frames, {joint} is too far" in note for note in clip.notes)
+
+
+def test_a_head_that_hangs_down_from_the_neck_is_refused():
+    poses = person()
+    poses[:, JOINT_INDEX["head"]] = poses[:, JOINT_INDEX["shoulder_center"]] - [0, 0.2, 0]
+    with pytest.raises(SkeletonLogError, match="the head is below the shoulders"):
+        clip_of_positions(PATH, "table", JOINTS, poses, OPTIONS)
 
 
 @pytest.mark.parametrize("far", [1, 3])

@@ -136,7 +136,7 @@ const JSON_TEXT := """
     "hand": "hand wrist 手首",
     "palm": "palm palmt palmi palmm palmr palmp fingers handend",
     "upperLeg": "upperleg legupper upleg thigh femur もも",
-    "lowerLeg": "lowerleg leglower lowleg loleg calf shin knee kne tibia fibula ひざ 膝",
+    "lowerLeg": "lowerleg leglower lowleg loleg calf shin shank knee kne tibia fibula ひざ 膝",
     "leg": "leg midleg 足",
     "foot": "foot feet footback ankle talus paw hoof shoe boot 足首",
     "toes": "toe toes toebase ball bigtoe つま先",

@@ -3,7 +3,7 @@ import json
 from capture.formats import read_log
 
 
-def test_the_command_records_what_a_source_plays_and_prints_it(invoke, assert_refused, tmp_path):
+def test_the_command_records_what_a_source_plays_and_prints_it(invoke, assert_refused, tmp_path, given_clock):
     made = invoke("record", "--source", "demo:walk", "-o", "take.log", "--seconds", 1, "--json")
     summary = json.loads(made.stdout)
     [clip] = read_log(tmp_path / "take.log")

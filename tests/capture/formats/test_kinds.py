@@ -38,7 +38,6 @@ CONTENTS = {
     "BVH without its skeleton": b"MOTION\nFrames: 9\nFrame Time: 0.04\n" + 9 * b"0 0 0 1.5\n",
     "17 × 3 numbers in one cell, the third a score: positions in an image": b"frame,keypoints\n"
     + 9 * (b'0,"[' + b", ".join([b"[0.38, 0.46, 0.04]"] * 17) + b']"\n'),
-    "17 × 3 numbers in one cell": b"frame,keypoints\n" + 9 * (b'0,"[' + b", ".join([b"[1, 2, -3]"] * 17) + b']"\n'),
     "commas both in numbers and between them": b"Head,-0,16274,0,4911776,2,89635\n" * 9,
 }
 

@@ -204,8 +204,10 @@ class LimbEnds:
         while candidates:
             one = candidates.pop(0)
             foot = [one, *(tip for tip in (tips if self.lies else candidates) if self.same_foot(tip, one))]
-            low.append(max(foot, key=lambda tip: self.cells[tip, 2]))  # toes rather than a heel
-            sole[low[-1]] = min(self.place(tip)[1] for tip in foot)
+            heights = [self.place(tip)[1] for tip in foot]
+            level = [tip for tip, each in zip(foot, heights, strict=True) if each < min(heights) + MAX_GROUND_HEIGHT]
+            low.append(max(level, key=lambda tip: self.cells[tip, 2]))  # toes rather than a heel
+            sole[low[-1]] = min(heights)
             candidates = [tip for tip in candidates if tip not in foot]
         middle = self._between(low)
         left = [tip for tip in low if self.cells[tip, 0] > middle]

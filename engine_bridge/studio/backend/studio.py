@@ -3,7 +3,7 @@
 import asyncio
 import contextlib
 import logging
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -183,9 +183,7 @@ class Studio(Backend):
         return await self._open(asked.name, partial(self.characters.open_example, asked.name), MOTIONS[asked.name])
 
     async def _do_close_character(self, asked: characters.CloseCharacter) -> dict[str, Any]:
-        self._refuse_while_recording()
-        self.characters[asked.character]  # refuses an unknown one
-        async with self._changing:
+        async with self._change():
             self.characters.close(asked.character)
             with _logged_errors("the film keeps a character that was closed"):
                 self._film.file.remove(asked.character)
@@ -193,10 +191,9 @@ class Studio(Backend):
         return {}
 
     async def _do_source(self, asked: performers.Source) -> dict[str, Any]:
-        self._refuse_while_recording()
         playing = await self._chosen(asked)
         others = contextlib.nullcontext() if asked.uri is None else self._listing  # it listens to the same ports
-        async with others, self._changing:
+        async with others, self._change():
             await self._replace(playing)
         return playing.state.model_dump(mode="json")
 
@@ -217,15 +214,12 @@ class Studio(Backend):
         return puppet_reply(character.name, character.puppet, character.puppet == character.saved)
 
     async def _do_edit(self, asked: characters.Edit) -> dict[str, Any]:
-        self._refuse_while_recording()
-        self.characters[asked.character]  # refuses an unknown one
-        async with self._changing:
+        async with self._change():
             character = await self.characters.edit(asked.character, asked.puppet)
             await self._apply()
         return puppet_reply(character.name, character.puppet, character.puppet == character.saved)
 
     async def _do_save_puppet(self, asked: characters.SavePuppet) -> dict[str, Any]:
-        self.characters[asked.character]
         async with self._changing:
             character = await self.characters.save(asked.character)
         file = self.workspace.offer_puppet(character.saved_file)
@@ -233,12 +227,12 @@ class Studio(Backend):
         return {"character": character.name, "name": file.name, "file": file.id}
 
     async def _do_record_start(self, asked: takes.RecordStart) -> dict[str, Any]:
-        self._refuse_while_recording()
-        character = asked.character or next((each.name for each in self.characters.all), "")
-        await self._film.play(self._film.end_of(character), but=character)
-        await self._film.claim(character)
-        begun = await self._begin_take(asked.model_copy(update={"name": asked.name or self._takes.new_name()}))
-        self._take, self._recorded = (begun["stage"], begun["take"]), character
+        async with self._change():  # which would end the take
+            character = asked.character or next((each.name for each in self.characters.all), "")
+            await self._film.play(self._film.end_of(character), but=character)
+            await self._film.claim(character)
+            begun = await self._begin_take(asked.model_copy(update={"name": asked.name or self._takes.new_name()}))
+            self._take, self._recorded = (begun["stage"], begun["take"]), character
         self.changed()
         return {"take": begun["take"]}
 
@@ -260,8 +254,7 @@ class Studio(Backend):
         return take.model_dump(mode="json")
 
     async def _do_microphone(self, asked: takes.Microphone) -> dict[str, Any]:
-        self._refuse_while_recording()
-        async with self._changing:
+        async with self._change():
             await self._replace(self._playing, asked.on)
         return {}
 
@@ -317,7 +310,7 @@ class Studio(Backend):
         self._refuse_while_recording()
 
         async def work(progress: Progress) -> dict[str, Any]:
-            async with self._changing:
+            async with self._change():
                 await self.service.play([])  # packages change, which a running program must not have loaded
                 try:
                     await self._exporter.run("install", asked.extra, progress=progress)
@@ -365,6 +358,13 @@ class Studio(Backend):
         """Let a character stand in the film beside the others."""
         self._film.file.introduce(character.name, {each.name: each.width for each in self.characters.all})
 
+    @contextlib.asynccontextmanager
+    async def _change(self) -> AsyncIterator[None]:
+        """Change what the service runs, or begin a take, one after another."""
+        async with self._changing:
+            self._refuse_while_recording()
+            yield
+
     def _refuse_while_recording(self) -> None:
         """Refuse a change during a take, which has the same characters and source from beginning to end."""
         if self._take is not None:
@@ -392,7 +392,7 @@ class Studio(Backend):
         self._refuse_while_recording()
 
         async def work(progress: Progress) -> dict[str, Any]:
-            async with self._changing:
+            async with self._change():
                 character: OpenCharacter = await make(progress)
                 playing = chosen_source.example(motion) if self._playing is chosen_source.NOTHING else self._playing
                 progress("Starting", 0.0)

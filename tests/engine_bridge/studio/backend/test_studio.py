@@ -144,6 +144,26 @@ def test_a_recording_is_the_same_as_on_the_command_line(stage, commands, tmp_pat
     assert exported["numbers"] == json.loads(done.stdout) | {"output": exported["name"]}
 
 
+def test_a_take_begins_after_an_edit_that_would_end_it(stage):
+    before = puppet_of(stage)
+    moved = copy.deepcopy(before)
+    moved["limb"][2]["points"][2] = [1.2, 1.27, 0.1]
+
+    async def both():
+        async with stage.page() as page:
+            edit = page.ask("edit", character="figure_one", puppet=moved)
+            return await asyncio.gather(edit, page.ask("record_start", name="after"))
+
+    edited, begun = stage.run(both())
+    assert edited["result"]["puppet"] == moved
+    assert begun["result"] == {"take": "after"}
+    log = stage.settings.folder / "takes" / "after.log"
+    stage.until(lambda _: log.read_bytes().count(b'"user"') > 2)
+    assert stage.result("record_stop")["name"] == "after"
+    stage.result("delete_take", take="after")
+    stage.result("edit", character="figure_one", puppet=before)
+
+
 def test_an_export_reports_progress_and_can_be_cancelled(stage):
     async def cancelled():
         async with stage.page() as page:

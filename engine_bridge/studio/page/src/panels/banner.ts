@@ -64,7 +64,6 @@ export function banner(state: State): Node_ {
         return h(
           "div",
           { class: "banner busy", key: job },
-          h("span", { class: "spinner", "aria-hidden": "true" }),
           h("p", {}, title, waited(state, job, now.fraction), now.text !== "" && h("small", {}, now.text)),
           h("progress", { max: 1, value: now.fraction > 0 ? String(now.fraction) : null, "aria-label": title }),
           button(strings.takes.cancel, () => {

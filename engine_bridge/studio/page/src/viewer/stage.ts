@@ -35,7 +35,6 @@ const SLOW_MS = 70;
 /** Greatest time after an image in which nothing is drawn, in milliseconds. */
 const GREATEST_IDLE_MS = 200;
 
-
 /** Least number of drawn pixels per pixel of the page, along each side. */
 const LEAST_RATIO = 0.6;
 
@@ -70,9 +69,12 @@ export class Stage {
   private ratio = Math.min(devicePixelRatio, 2);
   private images = 0;
   private measuredFrom = 0;
-  /** Time after each image in which nothing is drawn, and when it ends, in milliseconds. */
+  /** Time after each image in which nothing is drawn, and after the present one, in milliseconds. */
   private idle = 0;
-  private idleUntil = 0;
+  private rest = 0;
+  /** The end of such a time, and what ends it earlier. */
+  private resting: ReturnType<typeof setTimeout> | undefined;
+  private wake = (): void => undefined;
 
   constructor(
     private readonly parent: HTMLElement,
@@ -101,7 +103,7 @@ export class Stage {
   control(element: HTMLElement): void {
     this.orbit = new OrbitControls(this.camera, element);
     this.orbit.addEventListener("change", () => {
-      this.idleUntil = 0;
+      this.wake();
       this.changed();
     });
   }
@@ -159,12 +161,24 @@ export class Stage {
     return this.filmed ?? this.camera;
   }
 
-  animate(frame: () => void): void {
-    this.renderer.setAnimationLoop(() => {
-      if (performance.now() < this.idleUntil) return;
+  /** Draw images, one after another. */
+  animate(draw: () => void): void {
+    const image = (): void => {
       this.orbit?.update();
-      frame();
-    });
+      draw();
+      const rest = this.rest;
+      this.rest = 0;
+      // a page that asks for its next image is composed 60 times a second, even if nothing is drawn
+      if (rest > 0) this.resting = setTimeout(this.wake, rest);
+      else requestAnimationFrame(image);
+    };
+    this.wake = () => {
+      if (this.resting === undefined) return;
+      clearTimeout(this.resting);
+      this.resting = undefined;
+      requestAnimationFrame(image);
+    };
+    requestAnimationFrame(image);
   }
 
   render(): void {
@@ -190,7 +204,7 @@ export class Stage {
    */
   keepPace(working: number): void {
     const now = performance.now();
-    this.idleUntil = now + (this.idle > 0 ? Math.max(working, this.idle) : 0);
+    this.rest = this.idle > 0 ? Math.max(working, this.idle) : 0;
     if (this.images === 0) this.measuredFrom = now;
     if (this.images++ < MEASURED_IMAGES) return;
     const interval = (now - this.measuredFrom) / MEASURED_IMAGES;

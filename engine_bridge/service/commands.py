@@ -74,6 +74,13 @@ class _Commands:
 
     def record_start(self, asked: requests.RecordStart) -> dict[str, Any]:
         runner = self._runner(asked.stage)
+        if self._service.reloading:
+            raise ServiceError(
+                f"stage {runner.stage.name}",
+                found="characters that are being loaded again, which would end the take",
+                expected="a stage whose characters stay",
+                fix='Start the take again after the reply to {"do": "reload"}.',
+            )
         takes_wait = asked.count_in and self._service.playback.takes  # which another recording forbids
         self._refuse_while_recording(*(self._service.runners if takes_wait else [runner]))
         for player in runner.stage.players:

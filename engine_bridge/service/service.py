@@ -89,6 +89,8 @@ class Service:
     takes : Takes
     playback : TakePlayback
     count_in : CountIn
+    reloading : bool
+        Whether stages and puppet files are being loaded again.
     status : Status
         The latest.
 
@@ -147,7 +149,7 @@ class Service:
             keep.callback(self._announcement.close)
         self._notifier = Notifier()
         keep.callback(self._notifier.close)
-        self._reloading = self._reload_again = False
+        self.reloading = self._reload_again = False
         self._waiting: list[Deferred] = []
         self._status_at = self._store_at = clock.now()
         if settings.kiosk is not None:  # last: closing it deletes the clips that it continues
@@ -301,10 +303,10 @@ class Service:
         """Load now; if files are being loaded, load again afterwards, because they may have changed since."""
         if deferred is not None:
             self._waiting.append(deferred)
-        self._reload_again = self._reloading
-        if self._reloading:
+        self._reload_again = self.reloading
+        if self.reloading:
             return
-        self._reloading = True
+        self.reloading = True
         self._notifier.reloading()
         waiting, self._waiting = self._waiting, []
         self._jobs.start(self._jobs.loading, self._load, lambda loaded: self._take_over(loaded, waiting))
@@ -318,15 +320,16 @@ class Service:
         """Wait until something arrives or is due, and process it: skeletons first."""
         self._watch_sockets()
         due = [runner.due() for runner in self.runners] + [output.due() for output in self._outputs]
-        due += [self.playback.due(), self.count_in.due(), math.inf if self.kiosk is None else self.kiosk.due()]
+        kiosk = None if self.reloading else self.kiosk  # the reload would end a recording that begins now
+        due += [self.playback.due(), self.count_in.due(), math.inf if kiosk is None else kiosk.due()]
         ready = dict(clock.block(min(*due, self._status_at), lambda left: self._poller.poll(math.ceil(1000 * left))))
         for runner in self.runners:
             if runner.source.fileno() in ready or runner.due() <= clock.now():
                 self._guarded(self._take_in, runner)
         self._guarded(self.playback.advance)
         self._guarded(self.count_in.advance)
-        if self.kiosk is not None:
-            self._guarded(self.kiosk.advance, self.runners)
+        if kiosk is not None:
+            self._guarded(kiosk.advance, self.runners)
         for output in self._outputs:
             self._guarded(output.send_due)
         if any(each in ready for each in self._guard.sockets):
@@ -381,7 +384,7 @@ class Service:
 
     def _take_over(self, loaded: Future[list[LoadedStage]], waiting: list[Deferred]) -> None:
         """Continue with stages that were loaded again, or unchanged if they could not be loaded."""
-        self._reloading = False
+        self.reloading = False
         self._notifier.ready()
         error = loaded.exception()
         if error is None:

@@ -19,6 +19,8 @@ from capture.events import Cue
 from capture.skeleton import JOINT_INDEX
 from engine_bridge.service import discovery
 from engine_bridge.service import service as service_module
+from engine_bridge.service.commands import commands
+from puppetline.errors import ServiceError
 
 WALK = ("--source", "demo:walk?loop", "--calibrate", "at_once")
 SERVE = ("serve", "--port", "0", "--no-announce")
@@ -72,6 +74,16 @@ def test_a_reload_ends_a_take_every_request_is_answered_and_a_restarted_service_
     again = play("--puppet", blob_puppet, "--source", sender.uri)
     again.perform(sender, kung_fu[100:160])  # never still for a second
     assert "performing" in states(again.run(2.0))
+
+
+def test_a_take_does_not_begin_while_a_reload_would_end_it(performed):
+    arguments, begin = commands(performed.service)["record_start"]
+    performed.service.reload()
+    with pytest.raises(ServiceError, match="characters that are being loaded again"):
+        begin(arguments.model_validate({"name": "late"}))
+    performed.run(0.5)
+    assert performed.ask("record_start", name="late")["take"] == "late"
+    assert performed.runner.recording == "late"
 
 
 def test_osc_and_the_watchdog_come_at_their_rates(play, blob_puppet, tmp_path, monkeypatch):

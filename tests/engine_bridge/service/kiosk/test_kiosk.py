@@ -200,6 +200,18 @@ def test_a_recording_that_a_reload_ended_is_filmed_and_another_take_goes_on(open
     assert theatre.runner.recording == "other"
 
 
+def test_a_recording_begins_after_a_reload_that_would_end_it(open_kiosk, visitors, films):
+    theatre = open_kiosk()
+    theatre.run(3.9)
+    theatre.service.reloading = True
+    theatre.run(1.5)
+    assert theatre.left() == 0
+    assert theatre.runner.recording is None
+    theatre.service.reloading = False
+    theatre.run(1.3)
+    assert theatre.runner.recording in {path.stem for path in visitors.iterdir()}
+
+
 def test_a_cancelled_count_in_leaves_nothing(open_kiosk, visitors, films):
     theatre = open_kiosk()
     theatre.run(4.6)

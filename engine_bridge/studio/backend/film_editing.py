@@ -1,5 +1,7 @@
 """Edits the film of the studio's takes, and plays it on the characters of the service."""
 
+import contextlib
+
 from engine_bridge.film.moods import lighting_of
 from engine_bridge.film.scene import SceneError, TakeTable
 from engine_bridge.studio.messages.film import FilmScene, FilmState
@@ -46,6 +48,12 @@ class FilmEditing:
         """Add a take that was recorded: where the others played meanwhile, or after the character's last one."""
         at = self.end_of(character) if take.at is None else max(take.at, 0.0)
         self.edit([*self.file.takes, TakeTable(character=character, file=_file(take.name), at=round(at, 3))])
+
+    def players(self, take: str) -> list[str]:
+        """Return the characters that play a recording; empty also if the film cannot be read, which its state says."""
+        with contextlib.suppress(PuppetlineError):
+            return [each.character for each in self.file.takes if each.file == _file(take)]
+        return []
 
     def forget(self, take: str) -> None:
         """Remove a recording that is deleted."""

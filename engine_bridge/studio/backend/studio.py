@@ -74,7 +74,7 @@ class Studio(Backend):
         self._recorded = ""  # the character that the take is for
         self._takes = TakeList(workspace)
         self._film = FilmEditing(workspace, service, self._takes)
-        self._pictures = TakeDrawing(self._takes, self.characters, self._exporter, self.changed)
+        self._pictures = TakeDrawing(self._takes, self._film, self.characters, self._exporter, self.changed)
         self._sharing = FilmSharing(workspace, self._exporter, serve)
         self._changing, self._listing = asyncio.Lock(), asyncio.Lock()
 

@@ -6,6 +6,7 @@ import logging
 from collections.abc import Callable
 from pathlib import Path
 
+from engine_bridge.studio.backend.film_editing import FilmEditing
 from engine_bridge.studio.long_work.worker import Worker
 from engine_bridge.studio.messages.state import TakeState
 from engine_bridge.studio.project.open_characters import Characters
@@ -21,15 +22,19 @@ class TakeDrawing:
     Parameters
     ----------
     takes : TakeList
+    film : FilmEditing
     characters : Characters
-        A take is drawn with the character that was recorded, or with any other.
+        A take is drawn with the character that plays it in the film, or one that was there, or any other.
     worker : Worker
     changed : callable
         Called after each picture.
     """
 
-    def __init__(self, takes: TakeList, characters: Characters, worker: Worker, changed: Callable[[], None]) -> None:
-        self._takes, self._characters, self._worker, self._changed = takes, characters, worker, changed
+    def __init__(
+        self, takes: TakeList, film: FilmEditing, characters: Characters, worker: Worker, changed: Callable[[], None]
+    ) -> None:
+        self._takes, self._film, self._characters = takes, film, characters
+        self._worker, self._changed = worker, changed
         self._drawing: asyncio.Task[None] | None = None
         self._failed: set[str] = set()
 
@@ -67,4 +72,5 @@ class TakeDrawing:
 
     def _puppet_for(self, take: TakeState) -> Path | None:
         files = {each.name: each.live_file for each in self._characters.all}
-        return next((files[part] for part in take.parts if part in files), next(iter(files.values()), None))
+        names = [*self._film.players(take.name), *take.parts, *files]
+        return next((files[name] for name in names if name in files), None)

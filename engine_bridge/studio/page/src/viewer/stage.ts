@@ -219,6 +219,7 @@ export class Stage {
   resize(): void {
     if (this.width === 0 || this.height === 0) return;
     this.renderer.setSize(this.width, this.height, false);
+    this.wake(); // it is empty now
     this.camera.aspect = this.width / this.height;
     this.camera.updateProjectionMatrix();
   }

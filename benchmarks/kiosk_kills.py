@@ -49,6 +49,9 @@ STAND_SECONDS = 15.0
 ORPHAN_SECONDS = 10.0
 """Time that a process has to end after its parent, in seconds."""
 
+FILM_SECONDS = 300.0
+"""Time after which the next film counts as lost, in seconds."""
+
 GIVE_UP_SECONDS = 120.0
 """Time after which a screen counts as dead, and for which a film's process is waited for, in seconds."""
 
@@ -207,10 +210,13 @@ async def measure(kiosk: Kiosk, kills: int) -> dict[str, Any]:
             seconds[kind].append(stood)
             print(f"{number:3d} {kind:8s} {'dead' if stood is None else f'{stood:.1f} s'}, {left} orphans", flush=True)
 
-        async def made() -> bool:
-            return not recorded - kiosk.films()
+        while waiting := recorded - kiosk.films():
 
-        await until(made, 600)
+            async def fewer(than: int = len(waiting)) -> bool:
+                return len(recorded - kiosk.films()) < than
+
+            if not await until(fewer, FILM_SECONDS):
+                break
     lost = recorded - kiosk.films()
     return {"seconds": dict(seconds), "clips": len(recorded), "lost": sorted(lost), "orphans": orphans}
 

@@ -159,7 +159,8 @@ class PlayTake(Table):
 
     `part` is the character in the take whose performer drives it, by default the one of the same name; `at` is the
     second of the timeline at which the take begins, by default the one at which it was recorded. `start` and `stop`
-    trim the take; `beside` keeps the character's other takes.
+    trim the take; `beside` keeps the character's other takes. With `pause`, the timeline stands until it goes on, if no
+    other take plays.
     """
 
     character: Name
@@ -169,6 +170,7 @@ class PlayTake(Table):
     start: Second = 0.0
     stop: Second | None = None
     beside: StrictBool = False
+    pause: StrictBool = False
 
 
 class Switch(Table):

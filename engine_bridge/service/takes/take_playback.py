@@ -81,6 +81,7 @@ class TakePlayback:
         start: float = 0.0,
         stop: float | None = None,
         beside: bool = False,
+        pause: bool = False,
     ) -> dict[str, Any]:
         """Play a take, from its beginning if it is the only one.
 
@@ -93,6 +94,8 @@ class TakePlayback:
             The part of the take that is played, in seconds.
         beside : bool
             Whether the character's other takes stay.
+        pause : bool
+            Whether the timeline stands at the beginning of the take, if it is the only one.
 
         Returns
         -------
@@ -117,6 +120,7 @@ class TakePlayback:
         if not self._playing:
             self.timeline = Timeline()
             self.timeline.move(part.at, now)
+            self.timeline.pause(pause, now)
         if name not in self._playing:
             self._reserve(name, True)
         self._put(name, [*others, part])

@@ -95,12 +95,11 @@ class FilmEditing:
                     start=take.start + begin - (take.at or 0.0),
                     stop=take.stop,
                     beside=take.character in begun,
+                    pause=not begun,  # a take may be over before the next one is loaded
                 )
             except PuppetlineError as error:
                 failed = failed or error
                 continue
-            if not begun:
-                await self._service.request("pause")
             begun.add(take.character)
         return failed
 

@@ -194,6 +194,20 @@ def test_a_take_that_fails_ends_and_the_others_go_on(begin, monkeypatch):
     assert theatre.of("cat")[-1].state == "performing"
 
 
+def test_the_first_take_may_wait_for_the_others_at_its_beginning(begin):
+    theatre, dog, cat = begin()
+    theatre.playback.stop()
+    theatre.playback.add(dog, 1.0, 0.5, 0.7, pause=True)
+    theatre.run(5.0)
+    theatre.playback.add(cat, 1.0, 0.5, 1.5)
+    assert theatre.playback.timeline.paused
+    assert theatre.playback.timeline.position(clock.now()) == 1.0
+    assert [each["character"] for each in theatre.playback.takes] == ["dog", "cat"]
+    theatre.playback.timeline.pause(False, clock.now())
+    theatre.run(0.5)
+    assert theatre.playback.timeline.position(clock.now()) == pytest.approx(1.5)
+
+
 def test_parts_of_takes_follow_one_another_on_one_character(begin, paths):
     theatre, track, _ = begin()
     again = TakeTrack(theatre.player("dog"), paths[0])

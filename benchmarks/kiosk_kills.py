@@ -81,7 +81,8 @@ class Kiosk:
         port, self._page, self._debugger = free_tcp_ports(), free_tcp_ports(), free_tcp_ports()
         write_visitor(folder / "visitor.log", dance=1.0, away=1.0)
         (folder / "kiosk.toml").write_text(SETTINGS.format(port=port, puppet=puppet.resolve()))
-        self._environment = os.environ | {"XDG_STATE_HOME": str(folder), "OPENBLAS_NUM_THREADS": "1"}
+        own = {"XDG_STATE_HOME": str(folder), "OPENBLAS_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": ""}
+        self._environment = os.environ | own  # bytecode is written, as in an installation
         self.start_service()
         self._address = self._screen_address()
         self.start_screen()

@@ -35,9 +35,8 @@ def chromium() -> Iterator[Any]:
 def command(*arguments: object, **environment: str) -> Iterator[Iterator[str]]:
     """Run a command of Puppetline that serves the page; yield the addresses that it prints, one after another."""
     program = [sys.executable, "-m", "puppetline", *map(str, arguments)]
-    process = subprocess.Popen(
-        program, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=os.environ | environment
-    )
+    own = os.environ | {"PYTHONDONTWRITEBYTECODE": ""} | environment  # bytecode is written, as in an installation
+    process = subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=own)
     try:
         yield (found[0] for line in process.stdout or () if (found := re.search(r"http://\S+", line)))
     finally:

@@ -259,15 +259,17 @@ def _other_axes(others: Sequence[Axes], chosen: tuple[str, str]) -> list[str]:
 def limbs_of_shape(
     surface: SolverMesh, stands: Orientation, ends: Mapping[str, NDArray[np.float64]] = MappingProxyType({})
 ) -> tuple[Orientation, Limbs]:
-    """Return the limbs of a shape, and how it stands: without legs, as a whole person or a fish, if it is one.
+    """Return how a shape stands, and its limbs.
+
+    If it has no legs as it stands, other ways are tried: one in which it is a whole person, then that of a fish.
 
     Parameters
     ----------
     surface : SolverMesh
     stands : Orientation
-        How it stands by itself. Its others are the ways that are tried.
+        The likeliest way; only its others are tried.
     ends : mapping of str to (3,) float64
-        Ends of limbs that the user has given.
+        Ends of limbs that the user has given, mesh file's coordinates.
     """
 
     def limbs(up: str, front: str) -> Limbs:

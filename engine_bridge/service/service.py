@@ -233,7 +233,7 @@ class Service:
         """Play a take on a character; the answer comes when its motion is computed."""
 
         def played(track: TakeTrack) -> dict[str, Any]:
-            added = self.playback.add(track, asked.at, asked.start, asked.stop, asked.beside, asked.pause)
+            added = self.playback.add(track, asked.at, asked.start, asked.stop, asked.beside, pause=asked.pause)
             self._refresh_takes()  # a reload may have replaced the character meanwhile
             return {**added, "note": track.note or None}
 

@@ -150,13 +150,8 @@ class LimbBranches(LimbEnds):
     @cached_property
     def skull(self) -> int:
         """Index into the trunk's curve of the thickest place of the head: beyond the neck, if there is one."""
-        depth, thickest = self.trunk.depth, int(self.trunk.depth.argmax())
-        beyond = depth[thickest:]
-        below, (of_head, of_body) = depth[: thickest + 1], MAX_BIG_HEADS_NECK
-        neck = (below < of_head * depth[thickest]) & (below < of_body * np.maximum.accumulate(below))
-        is_last = bool((beyond <= np.minimum.accumulate(beyond) + self.solid.size).all())
-        high = self.trunk.along[thickest] > MIN_BIG_HEAD_SHARE * self.trunk.length
-        if not self.four_legged and (high or (neck.any() and is_last)):
+        thickest = int(self.trunk.depth.argmax())
+        if not self.four_legged and self._is_big_head(thickest):
             return thickest
         for share in SKULL_SPANS:
             last = np.flatnonzero(self.trunk.along >= (1 - share) * self.trunk.length)
@@ -164,6 +159,16 @@ class LimbBranches(LimbEnds):
             if thickest > 2:
                 break
         return int(last[thickest])
+
+    def _is_big_head(self, thickest: int) -> bool:
+        """Return whether the thickest place of the trunk of a body on two legs is its head, by its index."""
+        if self.trunk.along[thickest] > MIN_BIG_HEAD_SHARE * self.trunk.length:
+            return True
+        depth, (of_head, of_body) = self.trunk.depth, MAX_BIG_HEADS_NECK
+        below, beyond = depth[: thickest + 1], depth[thickest:]
+        neck = (below < of_head * depth[thickest]) & (below < of_body * np.maximum.accumulate(below))
+        narrows = beyond <= np.minimum.accumulate(beyond) + self.solid.size
+        return bool(neck.any() and narrows.all())
 
     @property
     def chin(self) -> float:

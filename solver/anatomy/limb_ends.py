@@ -1,24 +1,21 @@
 """The feet and the head of a character, found among the ends of the curves inside it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from solver.anatomy.curve_skeleton import curve_skeleton
 from solver.anatomy.limb_curve import curve_through
-from solver.anatomy.solid import Solid, fill
+from solver.anatomy.solid import fill, parted
 from solver.surface.mesh import SolverMesh
 
 MAX_FOOT_HEIGHT, MAX_GROUND_HEIGHT = 0.2, 0.1
 """Height below which both feet of a pair end, and height above the lowest foot of any pair below which at least one of
-them ends, as shares of the height. For a body that lies, both are heights above its lowest place."""
+them ends, as shares of the height. For a body that lies, both are heights above its lowest place. The second is also
+the height above the lowest place of a foot up to which its end may be: the hem of trousers is higher."""
 
 MAX_LEVEL_DIFFERENCE = 0.05
 """Maximum difference in height between pairs of feet that both stand on the ground, as a share of the height. Of
@@ -140,7 +137,8 @@ class LimbEnds:
         spread = np.sqrt(np.cov(self.cells.T, aweights=self.solid.depth**2).diagonal())
         self.lies = bool(spread[2] > MIN_LYING_RATIO * spread[1])
         if self._feet_touch():
-            self.skeleton = curve_skeleton(self._parted_feet())
+            low = self.cells[:, 1] < self.low[1] + TOE_DISTANCE * self.height
+            self.skeleton = curve_skeleton(parted(self.solid, self.cells[:, 0] > self.middle, low))
         self.feet = self._feet()
         self.four_legged = len(self.feet) > 1
         self.head = self._head()
@@ -168,29 +166,6 @@ class LimbEnds:
             and self.place(self.skeleton.fork(one, other))[1] < TOE_DISTANCE
             for one, other in combinations(low, 2)
         )
-
-    def _parted_feet(self) -> Solid:
-        """Return the solid without connections from one side of the middle to the other near the ground.
-
-        A shoe that only the other one connected with the rest is tied to what is nearest on its own side.
-        """
-        steps = self.solid.graph.tocoo()
-        left, low = self.cells[:, 0] > self.middle, self.cells[:, 1] < self.low[1] + TOE_DISTANCE * self.height
-        kept = (left[steps.row] == left[steps.col]) | ~(low[steps.row] & low[steps.col])
-        rows, columns, lengths = steps.row[kept], steps.col[kept], steps.data[kept]
-        _, piece = connected_components(csr_matrix((lengths, (rows, columns)), steps.shape), directed=False)
-        body = piece == np.bincount(piece).argmax()
-        for side in (left, ~left):
-            near, own = np.flatnonzero(side & body), np.flatnonzero(side & ~body)
-            if not len(near):
-                return self.solid
-            away, nearest = (np.asarray(each) for each in cKDTree(self.cells[near]).query(self.cells[own]))
-            order = np.argsort(away, kind="stable")
-            _, first = np.unique(piece[own[order]], return_index=True)
-            tied = order[first]
-            rows, columns = np.append(rows, own[tied]), np.append(columns, near[nearest[tied]])
-            lengths = np.append(lengths, away[tied])
-        return replace(self.solid, graph=csr_matrix((lengths, (rows, columns)), steps.shape))
 
     def _feet(self) -> list[Feet]:
         """Return the rows of feet."""

@@ -117,9 +117,18 @@ def propose(
 
 
 def bulky_end(mesh: SolverMesh, up: str) -> str | None:
-    """Return the front of a body without legs, as a fish has it: the bulkier end of its longest level extent.
+    """Return the front of a body without legs, such as a fish: the bulkier end of its length.
 
-    None if it is not longer than wide, or if its ends are alike.
+    Parameters
+    ----------
+    mesh : SolverMesh
+    up : str
+        x, -x, y, -y, z or -z.
+
+    Returns
+    -------
+    str or None
+        The same for the front; None if the body is not longer than wide, or if its ends are alike.
     """
     points, _ = sample(mesh, SAMPLE_COUNT)
     extent, offset = np.ptp(points, axis=0), points.mean(axis=0) - (points.min(axis=0) + points.max(axis=0)) / 2

@@ -1,6 +1,6 @@
 """The space inside a character, divided into cells. Touching parts are united; flat cloth has no cells."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -234,11 +234,43 @@ def _joined(graph: csr_matrix, centers: NDArray[np.float64]) -> csr_matrix:
         if count == 1:
             return graph
         largest = part == np.bincount(part).argmax()
-        inside, outside = np.flatnonzero(largest), np.flatnonzero(~largest)
-        distance, nearest = (np.asarray(each) for each in cKDTree(centers[inside]).query(centers[outside]))
-        by_distance = np.argsort(distance, kind="stable")
-        _, first = np.unique(part[outside][by_distance], return_index=True)  # of each part the nearest cell
-        ties = by_distance[first]
-        ties = ties[distance[ties] <= TIE_DISTANCE_RATIO * distance[ties].min()]
-        pairs = (outside[ties], inside[nearest[ties]])
-        graph = csr_matrix(graph + coo_matrix((distance[ties], pairs), graph.shape))
+        ties = _ties(centers, part, np.flatnonzero(largest), np.flatnonzero(~largest))
+        near = ties.data <= TIE_DISTANCE_RATIO * ties.data.min()
+        graph = csr_matrix(graph + coo_matrix((ties.data[near], (ties.row[near], ties.col[near])), graph.shape))
+
+
+def _ties(
+    centers: NDArray[np.float64], part: NDArray[np.int32], inside: NDArray[np.int64], outside: NDArray[np.int64]
+) -> coo_matrix:
+    """Return the distance (n, n) of each part that has cells outside, where it is nearest to the cells inside."""
+    distance, nearest = (np.asarray(each) for each in cKDTree(centers[inside]).query(centers[outside]))
+    by_distance = np.argsort(distance, kind="stable")
+    _, first = np.unique(part[outside][by_distance], return_index=True)
+    ties = by_distance[first]
+    return coo_matrix((distance[ties], (outside[ties], inside[nearest[ties]])), (len(centers), len(centers)))
+
+
+def parted(solid: Solid, left: NDArray[np.bool_], where: NDArray[np.bool_]) -> Solid:
+    """Return a solid without the connections between its left and its right side in a region.
+
+    A part that only the other side connected with the rest, such as a shoe, is tied to what is nearest on its own side.
+
+    Parameters
+    ----------
+    solid : Solid
+    left : (n,) bool
+        Cells on the left side.
+    where : (n,) bool
+        Cells of the region.
+    """
+    steps = solid.graph.tocoo()
+    kept = (left[steps.row] == left[steps.col]) | ~(where[steps.row] & where[steps.col])
+    graph = csr_matrix((steps.data[kept], (steps.row[kept], steps.col[kept])), steps.shape)
+    _, part = connected_components(graph, directed=False)
+    body = part == np.bincount(part).argmax()
+    if not (left & body).any() or not (~left & body).any():
+        return solid
+    for side in (left, ~left):
+        ties = _ties(solid.centers, part, np.flatnonzero(side & body), np.flatnonzero(side & ~body))
+        graph = csr_matrix(graph + ties)
+    return replace(solid, graph=graph)

@@ -116,7 +116,7 @@ def refuse_other_bodies(path: Path, points: Floats) -> None:
     """
     ratios = bone_ratios(points)
     wrong = ~_is_persons(ratios) & np.isfinite(ratios)
-    if wrong.any() or not np.isfinite(ratios).any() or _is_headless(points):
+    if wrong.any() or not np.isfinite(ratios).any() or _head_hangs_down(points):
         bones = (*BONES, ("shoulder_center", "hip_center"))
         listed = ", ".join(
             f"{parent} to {joint} {ratio:.2g} times a person's"
@@ -132,8 +132,8 @@ def refuse_other_bodies(path: Path, points: Floats) -> None:
         )
 
 
-def _is_headless(points: Floats) -> bool:
-    """Return whether the head of points (T, 20, 3) mostly hangs down from the neck along the trunk."""
+def _head_hangs_down(points: Floats) -> bool:
+    """Return whether the head of points (T, 20, 3) mostly points down the trunk from the neck."""
     hips, neck, head = (points[:, JOINT_INDEX[joint]] for joint in ("hip_center", "shoulder_center", "head"))
     with np.errstate(invalid="ignore", divide="ignore"):
         trunk, top = (way / np.linalg.norm(way, axis=1, keepdims=True) for way in (neck - hips, head - neck))

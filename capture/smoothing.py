@@ -132,7 +132,7 @@ class JointFilter:
         return self._output.copy()
 
 
-@compiled(error_model="numpy")
+@compiled(waits=False, error_model="numpy")
 def _filter(positions, confidence, frames, decay, settings, state):
     """Update every joint's measurement, smoothed position, trend and output with a frame."""
     jitter_radius, max_deviation, prediction = settings

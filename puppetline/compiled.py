@@ -15,7 +15,8 @@ import numpy as np
 from numba.core import event
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 
-from puppetline.compiling import when_begun
+from puppetline.as_python import as_python
+from puppetline.compiling import begin, is_compiled_elsewhere
 
 if sys.platform == "win32":
     import msvcrt
@@ -27,7 +28,9 @@ GARBAGE_THRESHOLD = 100_000
 Compiling takes a tenth less time than with Python's threshold of 700."""
 
 
-def compiled(function: Callable[..., Any] | None = None, *, inner: bool = False, **options: Any) -> Any:
+def compiled(
+    function: Callable[..., Any] | None = None, *, inner: bool = False, waits: bool = True, **options: Any
+) -> Any:
     """Compile a function when it is first called.
 
     The compiled code is cached on disk for other processes, and runs without the interpreter's lock. Of several
@@ -44,6 +47,10 @@ def compiled(function: Callable[..., Any] | None = None, *, inner: bool = False,
     inner : bool
         Whether only compiled functions call this one. It is compiled with them, and not cached separately. A call
         from Python would crash the process.
+    waits : bool
+        Whether a call waits until the function is compiled. If not, Python runs the function with all that it calls
+        while another process compiles it (`puppetline.compiling.others`): some thirty times slower, but at once. Only
+        Python may call it.
     **options
         Further options of `numba.njit`, such as `fastmath`, `error_model` and `forceinline`.
     """
@@ -54,6 +61,8 @@ def compiled(function: Callable[..., Any] | None = None, *, inner: bool = False,
         dispatcher = numba.njit(**options)(function)
         if isinstance(getattr(dispatcher, "_cache", None), FunctionCache):  # not where compiling is switched off
             dispatcher._cache = _SharedCache(function)
+            if not waits:
+                return InPythonMeanwhile(dispatcher)
         return dispatcher
 
     return decorate if function is None else decorate(function)
@@ -62,6 +71,26 @@ def compiled(function: Callable[..., Any] | None = None, *, inner: bool = False,
 def is_compiled(function: Any) -> bool:
     """Return whether the code of a compiled function is on disk, for arguments of any types."""
     return bool(function._cache._cache_file._load_index())
+
+
+class InPythonMeanwhile:
+    """A compiled function that Python runs while another process compiles it."""
+
+    def __init__(self, dispatcher: Any) -> None:
+        self.compiled = dispatcher
+        self._in_python: Callable[..., Any] | None = None
+        self._is_ready = False
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call the function, in Python while another process compiles."""
+        if not self._is_ready and not is_compiled(self.compiled):
+            begin()
+            if is_compiled_elsewhere():
+                self._in_python = self._in_python or as_python(self.compiled)
+                with np.errstate(all="ignore"):  # compiled code does not warn
+                    return self._in_python(*arguments)
+        self._is_ready = True
+        return self.compiled(*arguments)
 
 
 @cache
@@ -154,8 +183,7 @@ class _Compiling(event.Listener):  # type: ignore[misc]
 
     def on_start(self, _: Any) -> None:
         if self._depth == 0:
-            while when_begun:
-                when_begun.pop()()
+            begin()
             self._before = gc.get_threshold()
             gc.set_threshold(max(self._before[0], GARBAGE_THRESHOLD) if self._before[0] else 0, *self._before[1:])
         self._depth += 1

@@ -1,11 +1,27 @@
 """What happens while Numba compiles, which takes half a minute the first time on a machine."""
 
+import subprocess
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 when_begun: list[Callable[[], None]] = []
-"""Functions that are called when this process compiles its first function, in the thread that compiles."""
+"""Functions that are called once, when this process first needs a function that is not compiled, by the thread that
+needs it."""
+
+others: list[subprocess.Popen[bytes]] = []
+"""Processes that compile what this one needs late."""
+
+
+def begin() -> None:
+    """Call what is called when the first function must be compiled."""
+    while when_begun:
+        when_begun.pop()()
+
+
+def is_compiled_elsewhere() -> bool:
+    """Return whether another process compiles for this one."""
+    return any(process.poll() is None for process in others)
 
 
 @contextmanager

@@ -125,7 +125,7 @@ class Skeleton:
         return positions, rotations
 
 
-@compiled
+@compiled(waits=False)
 def _pose(parents, bones, heads, axes, origin, world, scale, motions, root, positions, rotations):
     """Write the joints' positions and rotations relative to their parents."""
     turned, places, local = np.empty((len(parents), 3, 3)), np.empty((len(parents), 3)), np.empty((3, 3))

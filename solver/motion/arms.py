@@ -128,7 +128,7 @@ class Arms:
         _step(self._plan, self._state, float(time), positions, confidence, motions, float(heading))
 
 
-@compiled
+@compiled(waits=False)
 def _step(plan, state, time, positions, confidence, motions, heading):
     """Update the state and the motions of a frame."""
     elapsed = max(0.0, time - state[0]) if math.isfinite(state[0]) else math.inf

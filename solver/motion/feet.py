@@ -200,7 +200,7 @@ class Feet:
         self._state.votes[held], self._state.flat[held], self._state.stands[held] = 1.0, 1.0, 1.0
 
 
-@compiled
+@compiled(waits=False)
 def _step(plan, state, time, positions, confidence, motions, root):
     """Update the state, the motions and the root of a frame."""
     clock = state.clock

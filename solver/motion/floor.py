@@ -126,7 +126,7 @@ def _lifting_axes(ways: NDArray[np.float64], basis: NDArray[np.float64]) -> NDAr
     return chosen
 
 
-@compiled
+@compiled(waits=False)
 def _step(plan, motions, root):
     """Update the motions of a frame."""
     changed, before = np.zeros(len(motions), dtype=np.bool_), motions.copy()

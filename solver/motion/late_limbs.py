@@ -89,7 +89,7 @@ class LateLimbs:
             _step(self._plan, self._state, float(time), motions, root)
 
 
-@compiled
+@compiled(waits=False)
 def _step(plan, state, time, motions, root):
     """Update the state, and the motions of a frame."""
     began = math.isfinite(state.clock[0])

@@ -145,7 +145,7 @@ def _first_state(mount: NDArray[np.float64]) -> _State:
     )
 
 
-@compiled
+@compiled(waits=False)
 def _step(plan, state, time, positions, confidence, orientations, out):
     """Update the state, and write the motions of the bones in a frame."""
     began = math.isfinite(state.clock[TIME])

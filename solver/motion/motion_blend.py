@@ -68,7 +68,7 @@ def _against_parent(motions, parents, bone):
     return quat.product(quat.inverse(quat.of_rows(motions[parents[bone]])), own)
 
 
-@compiled
+@compiled(waits=False)
 def _difference(parents, heads, start, end, out):
     for bone in range(len(parents)):
         before, after = _against_parent(start, parents, bone), _against_parent(end, parents, bone)
@@ -80,7 +80,7 @@ def _difference(parents, heads, start, end, out):
             out[bone, 3 + axis] = (becomes[axis] - carried[1][axis]) - (was[axis] - carried[0][axis])
 
 
-@compiled
+@compiled(waits=False)
 def _move(parents, heads, motions, apart, share, out):
     turns = np.empty((len(parents), 4))
     for bone in range(len(parents)):

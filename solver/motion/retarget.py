@@ -169,7 +169,7 @@ def is_position(p):
     return abs(p[0]) < MAX_JOINT_METRES and abs(p[1]) < MAX_JOINT_METRES and abs(p[2]) < MAX_JOINT_METRES
 
 
-@compiled
+@compiled(waits=False)
 def _ease(displacement, known, fading, began, last, offset, was_known):
     """Update each joint's displacement, and its offset since it was tracked again."""
     for j in range(len(displacement)):
@@ -212,7 +212,7 @@ def levelled_off(ratio):
     return ratio if ratio <= LIMIT_KNEE_SHARE else LIMIT_KNEE_SHARE + room * np.tanh((ratio - LIMIT_KNEE_SHARE) / room)
 
 
-@compiled
+@compiled(waits=False)
 def _limit(moved, reach, out):
     """Limit (k, h, 3) motions."""
     for k in range(len(moved)):

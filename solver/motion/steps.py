@@ -187,7 +187,7 @@ class Steps:
         self._state.place[held], self._state.held[held] = places[held], 1.0
 
 
-@compiled
+@compiled(waits=False)
 def _step(plan, state, time, positions, confidence, motions, root):
     """Update the state, the motions and the root of a frame."""
     clock = state.watch.clock

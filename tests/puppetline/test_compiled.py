@@ -1,5 +1,6 @@
 import ast
 import gc
+import math
 import os
 import runpy
 import subprocess
@@ -7,6 +8,7 @@ import sys
 from pathlib import Path
 from unittest.mock import Mock, call
 
+import numpy as np
 import pytest
 from numba.core.errors import TypingError
 
@@ -88,7 +90,7 @@ def test_a_function_that_cannot_be_compiled_leaves_no_lock(tmp_path, monkeypatch
 def test_garbage_is_searched_for_rarely_only_while_functions_are_compiled(tmp_path, monkeypatch):
     before, begun = gc.get_threshold(), Mock()
     monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr("puppetline.compiled.when_begun", [begun])
+    monkeypatch.setattr("puppetline.compiling.when_begun", [begun])
     monkeypatch.setattr(gc, "set_threshold", Mock(wraps=gc.set_threshold))
 
     @compiled
@@ -99,6 +101,26 @@ def test_garbage_is_searched_for_rarely_only_while_functions_are_compiled(tmp_pa
         assert double(number) == 2 * number
     assert gc.set_threshold.call_args_list == [call(GARBAGE_THRESHOLD, *before[1:]), call(*before)]
     begun.assert_called_once_with()
+
+
+def test_python_runs_a_function_with_all_that_it_calls_until_another_process_has_compiled_it(tmp_path, monkeypatch):
+    begun, other = Mock(), Mock()
+    monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.setattr("puppetline.compiling.when_begun", [begun])
+    monkeypatch.setattr("puppetline.compiling.others", [other])
+    (tmp_path / "inner.py").write_text(MODULE.split("@compiled\n")[0])
+    outer = "@compiled(waits=False, error_model='numpy')\ndef ratio(x, y):\n    return square(x) / inner.square(y)\n"
+    (tmp_path / "outer.py").write_text(f"import inner\nfrom inner import compiled, square\n\n{outer}")
+    monkeypatch.syspath_prepend(tmp_path)
+    ratio = runpy.run_path(str(tmp_path / "outer.py"))["ratio"]
+    for status, signatures in ((None, 0), (None, 0), (0, 1), (None, 1)):
+        other.poll.return_value = status
+        assert [ratio(np.float64(3), np.float64(y)) for y in (2, 0)] == [2.25, math.inf]
+        assert len(ratio.compiled.signatures) == signatures
+    begun.assert_called_once_with()
+    again = runpy.run_path(str(tmp_path / "outer.py"))["ratio"]  # as in a process that finds it compiled
+    assert again(3.0, 2.0) == 2.25
+    assert again.compiled.stats.cache_hits.total() == 1
 
 
 def test_options_of_numba_are_passed_on():
@@ -112,7 +134,7 @@ def test_options_of_numba_are_passed_on():
 
     with pytest.raises(ZeroDivisionError):
         quotient(1.0, 0.0)
-    assert quotient_of_numpy(1.0, 0.0) == float("inf")
+    assert quotient_of_numpy(1.0, 0.0) == math.inf
 
 
 def test_only_functions_that_are_compiled_have_no_type_hints():

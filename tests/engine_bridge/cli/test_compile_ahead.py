@@ -2,19 +2,23 @@ import subprocess
 import sys
 from unittest.mock import Mock
 
+import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from capture import smoothing
 from engine_bridge.cli import compile_ahead
 from engine_bridge.performance.character_motion import CharacterMotion
 from engine_bridge.pictures import renderer
 from engine_bridge.pictures.rasteriser import rasterise
+from puppetline import compiled
 from puppetline.compiling import when_begun
-from solver.model import stretch
-from solver.model.batch import BatchBinding
+from solver.model import batch, stretch
 from solver.model.kernels import blend_positions
-from solver.model.polar import nearest_rotations
-from solver.motion import arms, feet, limb_motion, retarget
+from solver.model.reduced_model import build
+from solver.motion import arms, deformer, feet, limb_motion, retarget
+from solver.skinning import weights
+from solver.surface.dissection import nested_dissection
 
 
 @pytest.fixture
@@ -47,19 +51,48 @@ def test_a_second_process_is_the_only_one_and_ends_with_the_command(processes):
     assert when_begun == before
 
 
+def in_python_meanwhile():
+    """Return the functions that Python runs until they are compiled."""
+    modules = [
+        module for name, module in sys.modules.items() if name.startswith(("capture.", "engine_bridge.", "solver."))
+    ]
+    return [
+        each for module in modules for each in vars(module).values() if isinstance(each, compiled.InPythonMeanwhile)
+    ]
+
+
 def test_what_is_compiled_ahead_is_what_a_performance_needs(limbed_rig, standing, frames, dance):
     compile_ahead.compile_ahead()
     functions = (
-        *(limb_motion._step, feet._step, arms._step, smoothing._filter, retarget._ease, nearest_rotations),
-        *(stretch._count, blend_positions, rasterise),
+        *(each.compiled for each in (limb_motion._step, feet._step, arms._step, smoothing._filter, retarget._ease)),
+        *(nested_dissection, deformer._carry, deformer._turn, batch._blend, stretch._count),
+        *(weights._fit, blend_positions, rasterise),
     )
     ahead = [set(function.signatures) for function in functions]
     assert all(ahead)
+    assert all(each.compiled.signatures for each in in_python_meanwhile())
     performance = CharacterMotion(limbed_rig, standing)
     for frame in frames(dance())[:2]:
         pose = performance.step(frame)
-    positions = BatchBinding.of_solver_mesh(limbed_rig.model, limbed_rig.mesh).vertices(pose.R[None])
+    build(limbed_rig.mesh, bones=limbed_rig.model.bones)
+    weights.fit(limbed_rig.model, limbed_rig.mesh, pose.R[None], pose.bones[None])
+    positions = batch.BatchBinding.of_solver_mesh(limbed_rig.model, limbed_rig.mesh).displacements(pose.R[None])
     stretch.EdgeStretch(limbed_rig.mesh).add(positions)
     vertices = limbed_rig.mesh.vertices
     renderer.render(vertices, limbed_rig.mesh.faces, renderer.View.around(vertices), (8, 8))
     assert [set(function.signatures) for function in functions] == ahead
+
+
+def test_python_makes_the_same_motion_until_it_is_compiled(limbed_rig, standing, frames, dance, monkeypatch):
+    def poses():
+        performance = CharacterMotion(limbed_rig, standing)
+        return [np.vstack([*pose.bones, pose.R, pose.root[None]]) for pose in map(performance.step, frames(dance()))]
+
+    expected = poses()
+    monkeypatch.setattr(compiled, "is_compiled", lambda _: False)
+    monkeypatch.setattr("puppetline.compiling.others", [Mock(**{"poll.return_value": None})])
+    assert limb_motion._step._in_python is None
+    for function in in_python_meanwhile():
+        monkeypatch.setattr(function, "_is_ready", False)
+    assert_allclose(poses(), expected, rtol=0, atol=1e-12)
+    assert limb_motion._step._in_python is not None

@@ -195,6 +195,8 @@ class StageRunner:
 
     def stop_recording(self) -> Recorder | None:
         """End the take and return its recorder, whose closing may wait for the disk; None without a take."""
+        if self._recorder is not None:
+            self._listen()  # what was said since the last frame
         recorder, self._recorder = self._recorder, None
         self._stop_sound()
         return recorder

@@ -12,6 +12,7 @@ from puppetline.examples.performances import PERFORMANCES
 
 from capture.formats import puppetline_log
 from capture.skeleton import SkeletonFrame
+from capture.sound import BLOCK_SECONDS
 from engine_bridge.film import scene as scenes
 from engine_bridge.film.framing import Shots
 from engine_bridge.film.production import produce
@@ -227,4 +228,5 @@ def spoken(folder, table):
     late = np.mean(times - (numbers + 0.5) / FPS)
     first, last = round(FPS * table.get("start", 0.0)) / FPS, min(table.get("stop", 1000.0), times[-1])
     begins = np.array([k for k in range(numbers[0], numbers[-1]) if k % len(clip) % SPOKEN_FRAMES == 0]) / FPS + late
-    return begins[(begins > first) & (begins < last)] - first + round(FPS * table.get("at", 0.0)) / FPS
+    ended = last - BLOCK_SECONDS - 1 / FPS  # a word that begins with the last frame may not be heard any more
+    return begins[(begins > first) & (begins < ended)] - first + round(FPS * table.get("at", 0.0)) / FPS

@@ -23,7 +23,7 @@ from capture import body
 from capture.skeleton import JOINT_INDEX, JOINTS, SkeletonFrame
 from engine_bridge.character.character import Character, from_document
 from engine_bridge.performance.character_motion import CharacterMotion
-from engine_bridge.performance.rig import Rig, make_rig
+from engine_bridge.performance.prepared_character import PreparedCharacter, make_prepared
 from engine_bridge.puppet.body_plans import is_leg
 from engine_bridge.puppet.proposal import new_puppet
 from puppetline.errors import PuppetlineError
@@ -60,35 +60,35 @@ def main() -> None:
     parser.add_argument("--only", nargs="*", default=list(ANIMALS))
     chosen = parser.parse_args()
     meshes = sorted(path for path in (chosen.data / "mesh").rglob("*") if path.suffix in (".glb", ".obj", ".off"))
-    rigs = {}
+    characters = {}
     for mesh in (path for path in meshes if any(part in path.stem for part in chosen.only)):
         with tempfile.TemporaryDirectory() as folder:
             try:
                 proposal = new_puppet(mesh, Path(folder) / "puppet.toml")
             except PuppetlineError:
                 continue
-            rigs[mesh.stem] = make_rig(proposal.puppet, proposal.character)
+            characters[mesh.stem] = make_prepared(proposal.puppet, proposal.character)
     print("| character | Froude number | period: own, ours | duty factor: own, ours | stride / leg: own, ours, similar "
           "| swing height / leg: own, ours |\n| --- | --- | --- | --- | --- | --- |")  # fmt: skip
-    for name, rig in rigs.items():
-        compare_walk(name, rig)
+    for name, prepared in characters.items():
+        compare_walk(name, prepared)
     print("\n| character | hand | limb | way | edges p1 | p99 |\n| --- | --- | --- | --- | --- | --- |")
-    for name, rig in rigs.items():
+    for name, prepared in characters.items():
         for hand in HANDS:
-            raise_hands(name, rig, hand)
+            raise_hands(name, prepared, hand)
 
 
-def compare_walk(name: str, rig: Rig) -> None:
+def compare_walk(name: str, prepared: PreparedCharacter) -> None:
     """Print the row of an animal that has an animation Walk."""
-    steps = CharacterMotion(rig, performer(0.0)).performer._grounding
-    found = own_walk(rig)
+    steps = CharacterMotion(prepared, performer(0.0)).performer._grounding
+    found = own_walk(prepared)
     if found is None or not isinstance(steps, Steps):
         return
     speed, length = found
     leg, metre = steps._plan.leg_length, steps.metre
     froude = speed**2 / (GRAVITY * metre * leg)
     similar = STRIDE_FACTOR * froude**STRIDE_POWER
-    own, ours = length, walk(rig, speed / metre)
+    own, ours = length, walk(prepared, speed / metre)
     print(
         f"| {name} | {froude:.2f} | {own.period:.2f}, {ours.period:.2f} s | {own.duty:.2f}, {ours.duty:.2f} "
         f"| {own.length:.2f}, {ours.length:.2f}, {similar:.2f} | {own.rise:.2f}, {ours.rise:.2f} |",
@@ -96,19 +96,21 @@ def compare_walk(name: str, rig: Rig) -> None:
     )
 
 
-def own_walk(rig: Rig) -> tuple[float, Stride] | None:
+def own_walk(prepared: PreparedCharacter) -> tuple[float, Stride] | None:
     """Return the speed, mesh units per second, and strides of the file's animation Walk, which walks on the spot."""
-    gltf = rig.character.document.gltf
+    gltf = prepared.character.document.gltf
     walks = [each for each in gltf.get("animations", []) if each.get("name", "").lower().endswith("walk")]
-    soles = soles_of(rig)
+    soles = soles_of(prepared)
     if not walks or not soles:
         return None
-    inputs = [rig.character.document.array(sampler["input"]).ravel() for sampler in walks[0]["samplers"]]
+    inputs = [prepared.character.document.array(sampler["input"]).ravel() for sampler in walks[0]["samplers"]]
     seconds = float(max(times[-1] for times in inputs) - min(times[0] for times in inputs))
-    shown = np.unique(rig.mesh.of_render, return_index=True)[1]
-    basis = rig.puppet.character.basis
-    leg = leg_length(rig)
-    poses = [posed(rig.character, walks[0], share * seconds).vertices[shown] for share in np.arange(SAMPLES) / SAMPLES]
+    shown = np.unique(prepared.mesh.of_render, return_index=True)[1]
+    basis = prepared.puppet.character.basis
+    leg = leg_length(prepared)
+    poses = [
+        posed(prepared.character, walks[0], share * seconds).vertices[shown] for share in np.arange(SAMPLES) / SAMPLES
+    ]
     feet = np.array([[(pose[sole] @ basis.T).mean(axis=0) for sole in soles] for pose in poses])
     low = np.array([[(pose[sole] @ basis[1]).min() for sole in soles] for pose in poses])
     rises = np.ptp(low, axis=0)
@@ -121,10 +123,10 @@ def own_walk(rig: Rig) -> tuple[float, Stride] | None:
     return speed, Stride(period, float(stands.mean()), speed * period / leg, float(np.median(rises)) / leg)
 
 
-def leg_length(rig: Rig) -> float:
+def leg_length(prepared: PreparedCharacter) -> float:
     """Return the mean height of the hips over the tips of the legs, mesh units."""
-    legs = [limb.points for limb in rig.puppet.limbs if is_leg(limb.name)]
-    return float(np.mean([(np.array(leg[0]) - np.array(leg[-1])) @ rig.puppet.character.basis[1] for leg in legs]))
+    legs = [limb.points for limb in prepared.puppet.limbs if is_leg(limb.name)]
+    return float(np.mean([(np.array(leg[0]) - np.array(leg[-1])) @ prepared.puppet.character.basis[1] for leg in legs]))
 
 
 def posed(character: Character, animation: dict, time: float) -> Character:
@@ -176,11 +178,11 @@ def frames(poses: list[Floats], hidden: tuple[str, ...] = ()) -> list[SkeletonFr
     return [SkeletonFrame(number / FPS, 0, pose, confidence) for number, pose in enumerate(poses)]
 
 
-def walk(rig: Rig, speed: float) -> Stride:
+def walk(prepared: PreparedCharacter, speed: float) -> Stride:
     """Return the strides of a character whose performer walks towards the sensor, in metres per second."""
     count, still = round(WALK_SECONDS * FPS), performer(0.0)
     poses = [still - np.array([0.0, 0.0, speed * number / FPS]) for number in range(count)]
-    retargeting = CharacterMotion(rig, still).performer
+    retargeting = CharacterMotion(prepared, still).performer
     steps = retargeting._grounding
     assert isinstance(steps, Steps)
     hidden = ("ankle_left", "ankle_right", "foot_left", "foot_right", "knee_left", "knee_right")
@@ -188,7 +190,7 @@ def walk(rig: Rig, speed: float) -> Stride:
     for frame in frames(poses, hidden):
         retargeting.step(frame)
         swinging.append(steps.swinging)
-        heights.append(steps._state.place @ rig.puppet.character.basis[1])
+        heights.append(steps._state.place @ prepared.puppet.character.basis[1])
     settled = np.array(swinging)[round(SETTLE_SECONDS * FPS) :]
     rises = np.ptp(np.array(heights)[round(SETTLE_SECONDS * FPS) :], axis=0)
     starts = [np.flatnonzero(~one[:-1] & one[1:]) for one in settled.T]
@@ -197,16 +199,16 @@ def walk(rig: Rig, speed: float) -> Stride:
     return Stride(period, 1 - float(settled.mean()), units, float(np.median(rises)) / steps._plan.leg_length)
 
 
-def raise_hands(name: str, rig: Rig, which: str) -> None:
+def raise_hands(name: str, prepared: PreparedCharacter, which: str) -> None:
     """Print how far the limbs rise that follow raised hands."""
-    mirrored = rig.puppet.retarget.mirror
+    mirrored = prepared.puppet.retarget.mirror
     still = performer(0.0)
     shares = np.concatenate([np.zeros(15), np.linspace(0, 1, 15), np.ones(45)])
     poses = [performer(0.5 - 0.5 * math.cos(math.pi * share), HANDS[which]) for share in shares]
-    motion = CharacterMotion(rig, still)
-    surface, stretch = BatchBinding.of_solver_mesh(rig.model, rig.mesh), EdgeStretch(rig.mesh)
-    up, first, watched = rig.puppet.character.basis[1], 0, []
-    for limb in parents_first(rig.puppet.limbs):
+    motion = CharacterMotion(prepared, still)
+    surface, stretch = BatchBinding.of_solver_mesh(prepared.model, prepared.mesh), EdgeStretch(prepared.mesh)
+    up, first, watched = prepared.puppet.character.basis[1], 0, []
+    for limb in parents_first(prepared.puppet.limbs):
         last = first + len(limb.points) - 2
         side = limb.name.split()[0]
         own = side if not mirrored else {"left": "right", "right": "left"}.get(side, side)

@@ -24,7 +24,7 @@ from capture.skeleton import JOINT_INDEX
 from capture.timeline import Timeline
 from engine_bridge.performance.character_motion import CharacterMotion
 from engine_bridge.performance.clip import load_timeline, perform, reference_pose
-from engine_bridge.performance.rig import Rig, make_rig
+from engine_bridge.performance.prepared_character import PreparedCharacter, make_prepared
 from engine_bridge.performance.settings import Settings
 from engine_bridge.pictures import clip_sheet
 from engine_bridge.puppet.proposal import new_puppet
@@ -115,13 +115,13 @@ def measured(mesh: Path, chosen: argparse.Namespace) -> Iterator[Row]:
         puppet = proposal.puppet
         if chosen.free and puppet.root is not None:
             puppet = puppet.model_copy(update={"root": puppet.root.model_copy(update={"feet": "free"})})
-        rig = make_rig(puppet, proposal.character)
+        prepared = make_prepared(puppet, proposal.character)
         logs = sorted(path for folder in ("logs", "bvh") for path in (chosen.data / folder).rglob("*"))
         for log in (log for log in logs if any(part in str(log) for part in chosen.logs) and "depth" not in log.stem):
             settings = Settings(form="morph")
             timeline, notes = load_timeline(log, settings)
-            soles = soles_of(rig)
-            row = play(rig, timeline, settings, soles)
+            soles = soles_of(prepared)
+            row = play(prepared, timeline, settings, soles)
             print(
                 f"| {mesh.stem} | {log.stem} | {len(soles)} | {100 * row.above:.1f} | {100 * row.below:.1f} "
                 f"| {100 * row.few:.1f} % | {100 * row.touching:.0f} % | {row.slide:.3f} | {row.slide95:.2f} "
@@ -131,18 +131,20 @@ def measured(mesh: Path, chosen: argparse.Namespace) -> Iterator[Row]:
             )
             if chosen.pictures:
                 chosen.pictures.mkdir(parents=True, exist_ok=True)
-                clip = perform(rig, timeline, settings, notes, lambda *_: None)
+                clip = perform(prepared, timeline, settings, notes, lambda *_: None)
                 clip_sheet.draw(clip, chosen.pictures / f"{mesh.stem}-{log.stem}.png", f"{mesh.stem}, {log.stem}")
             yield row
 
 
-def soles_of(rig: Rig) -> list[NDArray[np.int64]]:
+def soles_of(prepared: PreparedCharacter) -> list[NDArray[np.int64]]:
     """Return the lowest vertices of each foot: of the surface near the tip of each leg."""
-    up = rig.puppet.character.basis[1]
-    vertices = rig.mesh.vertices
+    up = prepared.puppet.character.basis[1]
+    vertices = prepared.mesh.vertices
     heights = vertices @ up
     size = float(np.ptp(heights))
-    feet = [limb.points[-2:] for limb in rig.puppet.limbs if limb.name.split()[-1] == "leg" or " leg " in limb.name]
+    feet = [
+        limb.points[-2:] for limb in prepared.puppet.limbs if limb.name.split()[-1] == "leg" or " leg " in limb.name
+    ]
     if not feet:
         return []
     away = np.array([cKDTree(evenly(foot, 5)).query(vertices)[0] for foot in feet]).T
@@ -154,16 +156,16 @@ def soles_of(rig: Rig) -> list[NDArray[np.int64]]:
     return soles
 
 
-def play(rig: Rig, timeline: Timeline, settings: Settings, soles: list[NDArray[np.int64]]) -> Row:
+def play(prepared: PreparedCharacter, timeline: Timeline, settings: Settings, soles: list[NDArray[np.int64]]) -> Row:
     """Play a recording, and measure the feet."""
-    motion = CharacterMotion(rig, reference_pose(rig.puppet, timeline, settings))
+    motion = CharacterMotion(prepared, reference_pose(prepared.puppet, timeline, settings))
     surface, stretch, stretch_of_skin = (
-        BatchBinding.of_solver_mesh(rig.model, rig.mesh),
-        EdgeStretch(rig.mesh),
-        EdgeStretch(rig.mesh),
+        BatchBinding.of_solver_mesh(prepared.model, prepared.mesh),
+        EdgeStretch(prepared.mesh),
+        EdgeStretch(prepared.mesh),
     )
-    shares = skin_of(rig)
-    basis, rest = rig.puppet.character.basis, rig.mesh.vertices
+    shares = skin_of(prepared)
+    basis, rest = prepared.puppet.character.basis, prepared.mesh.vertices
     size = float(np.ptp(rest @ basis[1]))
     steps = getattr(motion.performer, "_grounding", None)
     heights, places, bodies, swinging, lifted = [], [], [], [], []
@@ -171,7 +173,7 @@ def play(rig: Rig, timeline: Timeline, settings: Settings, soles: list[NDArray[n
     starts = np.cumsum([0, *map(len, soles)])
     floors = np.array([(rest[sole] @ basis[1]).min() for sole in soles])
     floors[floors > floors.min(initial=np.inf) + RAISED * size] = np.nan
-    trunk = _trunk(rig)
+    trunk = _trunk(prepared)
     for number in range(len(timeline.positions)):
         pose = motion.step(timeline.frame(number))
         moved = surface.vertices(pose.R[None].astype(np.float32))
@@ -181,7 +183,9 @@ def play(rig: Rig, timeline: Timeline, settings: Settings, soles: list[NDArray[n
         now = (moved[used, :, 0] + pose.root) @ basis.T
         heights.append(np.array([now[a:b, 1].min() for a, b in pairwise(starts)]) - floors)
         places.append([now[a:b].mean(axis=0) for a, b in pairwise(starts)])
-        body = pose.bones[trunk, 3] + rig_head(rig, trunk) @ pose.bones[trunk, :3] if rig.puppet.limbs else 0.0
+        body = (
+            pose.bones[trunk, 3] + rig_head(prepared, trunk) @ pose.bones[trunk, :3] if prepared.puppet.limbs else 0.0
+        )
         bodies.append(body + pose.root)
         swinging.append(np.array(getattr(steps, "swinging", np.zeros(len(soles), dtype=bool))))
         lifted.append(bool(getattr(steps, "lifted", False)))
@@ -200,24 +204,24 @@ def play(rig: Rig, timeline: Timeline, settings: Settings, soles: list[NDArray[n
     )
 
 
-def skin_of(rig: Rig) -> Floats | None:
+def skin_of(prepared: PreparedCharacter) -> Floats | None:
     """Return the weights (n, b) that the file's skin gives to the vertices of the solver's mesh."""
-    shares = skin_shares(rig.character, rig.puppet) if rig.character.document.gltf.get("skins") else None
+    shares = skin_shares(prepared.character, prepared.puppet) if prepared.character.document.gltf.get("skins") else None
     if shares is None:
         return None
-    out = np.empty((len(rig.mesh.vertices), shares.shape[1]))
-    out[rig.mesh.of_render] = shares
+    out = np.empty((len(prepared.mesh.vertices), shares.shape[1]))
+    out[prepared.mesh.of_render] = shares
     return out
 
 
-def rig_head(rig: Rig, bone: int) -> Floats:
+def rig_head(prepared: PreparedCharacter, bone: int) -> Floats:
     """Return where a bone begins at rest."""
-    return bones_of(rig.puppet.limbs).heads[bone]
+    return bones_of(prepared.puppet.limbs).heads[bone]
 
 
-def _trunk(rig: Rig) -> int:
+def _trunk(prepared: PreparedCharacter) -> int:
     first = 0
-    for limb in parents_first(rig.puppet.limbs):
+    for limb in parents_first(prepared.puppet.limbs):
         if limb.name == "trunk":
             return first
         first += len(limb.points) - 1

@@ -36,7 +36,7 @@ from engine_bridge.batch.store import OWN_FOLDER, RECORD_FOLDER
 from engine_bridge.character.examples import prepare
 from engine_bridge.export.convert import convert_timeline
 from engine_bridge.performance.clip import load_timeline
-from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.prepared_character import load_prepared
 from engine_bridge.performance.settings import Settings
 from puppetline.errors import PuppetlineError
 
@@ -171,12 +171,12 @@ def measured(logs: Path, puppets: list[Path], output: Path, workers: int) -> Run
 
 def loop(logs: Path, puppet: Path, folder: Path) -> float:
     """Return the seconds per recording of a loop in one process with a character that is prepared once."""
-    settings, rig = Settings(), load_rig(puppet)
+    settings, prepared = Settings(), load_prepared(puppet)
     folder.mkdir()
     times = []
     for log in sorted(logs.iterdir()):
         timeline, notes = load_timeline(log, settings)
-        convert_timeline(rig, timeline, folder / f"{log.stem}.glb", log.stem, settings, notes)
+        convert_timeline(prepared, timeline, folder / f"{log.stem}.glb", log.stem, settings, notes)
         times.append(time.perf_counter())
     return (times[-1] - times[0]) / (len(times) - 1)
 

@@ -17,7 +17,7 @@ from engine_bridge.character.character import load_character
 from engine_bridge.export.convert import convert
 from engine_bridge.inspection.benchmark import CHARACTER, LOG, main
 from engine_bridge.inspection.character_cost import BLOCK_FRAMES, VERTEX_FRAMES, Playing, Work, frame_times, frame_works
-from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.prepared_character import load_prepared
 from engine_bridge.performance.settings import Settings
 from engine_bridge.puppet import puppet_file
 from puppetline.memory import trim_memory
@@ -35,10 +35,12 @@ FRAMES_BEFORE_MEMORY = 300
 
 def frames(folder: Path, count: int) -> dict[str, float]:
     """Return times of frames, of a copy of all bytes that a frame uses, and of a loop of constant work, by turns."""
-    rig = load_rig(folder / CHARACTER)
-    touched = np.zeros(len(rig.mesh.of_render) * 4 * (6 + rig.model.isoline_coordinates.shape[1] + 6), dtype=np.uint8)
+    prepared = load_prepared(folder / CHARACTER)
+    touched = np.zeros(
+        len(prepared.mesh.of_render) * 4 * (6 + prepared.model.isoline_coordinates.shape[1] + 6), dtype=np.uint8
+    )
     copied = np.empty_like(touched)
-    works = frame_works(rig, folder / LOG) | {
+    works = frame_works(prepared, folder / LOG) | {
         "memcpy": Work(lambda _: np.copyto(copied, touched), VERTEX_FRAMES),
         "constant": Work(lambda _: sum(range(CONSTANT_LOOP_LENGTH)), BLOCK_FRAMES),
     }
@@ -61,14 +63,14 @@ def load(folder: Path) -> dict[str, float | None]:
     before = resident_mb()
     clock = time.perf_counter
     start = clock()
-    rig = load_rig(folder / CHARACTER)
+    prepared = load_prepared(folder / CHARACTER)
     first = clock() - start
-    playing = Playing(rig, folder / LOG)
+    playing = Playing(prepared, folder / LOG)
     for _ in range(FRAMES_BEFORE_MEMORY):
         playing.vertices(playing.controls())
     after = resident_mb()
     start = clock()
-    load_rig(folder / CHARACTER)
+    load_prepared(folder / CHARACTER)
     return {"first_load_ms": 1000 * first, "cached_load_ms": 1000 * (clock() - start), "character_mb": after - before}
 
 
@@ -82,8 +84,8 @@ def converting(folder: Path) -> dict[str, float | None]:
 
 def warm_up(folder: Path) -> None:
     """Load and compile everything, with a tiny character."""
-    playing = Playing(load_rig(folder / WARM_UP), folder / LOG)
-    build(playing.rig.mesh, playing.rig.puppet.solver.parameters)
+    playing = Playing(load_prepared(folder / WARM_UP), folder / LOG)
+    build(playing.prepared.mesh, playing.prepared.puppet.solver.parameters)
     for _ in range(10):
         playing.vertices(playing.controls())
 

@@ -19,7 +19,7 @@ import numpy as np
 from engine_bridge.character.character import CHARACTER_FILES, load_character
 from engine_bridge.export.convert import write
 from engine_bridge.performance.clip import Clip, load_timeline, perform
-from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.prepared_character import load_prepared
 from engine_bridge.performance.settings import Settings
 from engine_bridge.pictures.contact_sheet import write_contact_sheet
 from engine_bridge.pictures.renderer import View, render
@@ -70,16 +70,16 @@ def _play(file: Path, log: Path, output: Path) -> tuple[str, list[np.ndarray]]:
     start = time.perf_counter()
     reduced_model.build(mesh)
     seconds = time.perf_counter() - start
-    rig = load_rig(puppet)
+    prepared = load_prepared(puppet)
     timeline, notes = load_timeline(log, Settings())
-    clip = perform(rig, timeline, Settings(), notes, lambda *_: None)
+    clip = perform(prepared, timeline, Settings(), notes, lambda *_: None)
     found = write(clip, output / f"{file.stem}.glb", log.stem, Settings(), lambda *_: None)
     columns = [
         f"{len(character.vertices):,}",
         mesh.parts,
         ", ".join(f"{count:,} {name}" for name, count in asdict(mesh.repairs).items() if count) or "–",
         f"{seconds:.2f}",
-        f"{len(rig.puppet.limb)} / {len(rig.puppet.handle)}",
+        f"{len(prepared.puppet.limb)} / {len(prepared.puppet.handle)}",
         found.targets,
         f"{found.error:.2g}",
         f"{found.stretch_p99:.3f}",
@@ -101,13 +101,16 @@ def _validator_counts(path: Path) -> str:
 
 def _tiles(clip: Clip) -> list[np.ndarray]:
     """Draw the rest pose, and `SHEET_FRAMES` frames evenly spaced over the clip."""
-    rig = clip.motion.rig
-    binding = Binding.of_solver_mesh(rig.model, rig.mesh)
+    prepared = clip.motion.prepared
+    binding = Binding.of_solver_mesh(prepared.model, prepared.mesh)
     chosen = np.linspace(0, len(clip.motion) - 1, SHEET_FRAMES + 1).astype(int)[1:]
-    solved = np.array([binding.vertices(to_file_units(clip.motion.R[index], rig.model)) for index in chosen])
-    poses = np.concatenate([rig.character.vertices[None], solved[:, rig.mesh.of_render]]) @ rig.puppet.character.basis.T
+    solved = np.array([binding.vertices(to_file_units(clip.motion.R[index], prepared.model)) for index in chosen])
+    poses = (
+        np.concatenate([prepared.character.vertices[None], solved[:, prepared.mesh.of_render]])
+        @ prepared.puppet.character.basis.T
+    )
     view = View.around(poses)
-    return [render(pose, rig.character.triangles, view, TILE_PIXELS, rig.character.colors) for pose in poses]
+    return [render(pose, prepared.character.triangles, view, TILE_PIXELS, prepared.character.colors) for pose in poses]
 
 
 if __name__ == "__main__":

@@ -36,7 +36,7 @@ from capture.timeline import Timeline
 from engine_bridge.character.character import Character, load_character, make_character
 from engine_bridge.performance.character_motion import CharacterMotion
 from engine_bridge.performance.clip import load_timeline, perform, resting_pose
-from engine_bridge.performance.rig import Rig, load_rig
+from engine_bridge.performance.prepared_character import PreparedCharacter, load_prepared
 from engine_bridge.performance.settings import Settings
 from engine_bridge.pictures import clip_sheet
 from engine_bridge.puppet import puppet_file
@@ -109,8 +109,8 @@ class Truth:
 
 def read_rig(character: Character) -> Truth:
     """Assign a skeleton's joints, and the vertices that follow them, to bones."""
-    rig = rig_limbs(character)
-    found = None if rig is None else rig.limbs
+    prepared = rig_limbs(character)
+    found = None if prepared is None else prepared.limbs
     assert found is not None
     limbs = [
         Limb(chain.name, chain.points, ((),) * len(chain.points), parent=None if chain.name == TRUNK else TRUNK)
@@ -154,12 +154,12 @@ def directions_only(puppet: Puppet) -> Puppet:
     return puppet.model_copy(update={"retarget": retarget, "root": root})
 
 
-def play(rig: Rig, timeline: Timeline, soles: dict[str, NDArray[np.int64]]) -> Measured:
+def play(prepared: PreparedCharacter, timeline: Timeline, soles: dict[str, NDArray[np.int64]]) -> Measured:
     """Play a recording; keep the vertices of some frames, and the centres of the soles in all frames."""
-    motion = CharacterMotion(rig, resting_pose(timeline, SETTINGS))
+    motion = CharacterMotion(prepared, resting_pose(timeline, SETTINGS))
     count = len(timeline.positions)
     chosen = np.unique(np.linspace(0, count - 1, min(MEASURED_FRAMES, count)).astype(int))
-    binding = BatchBinding(rig.model, rig.character.vertices, rig.mesh.of_render)
+    binding = BatchBinding(prepared.model, prepared.character.vertices, prepared.mesh.of_render)
     of_soles = {side: binding.only(numbers) for side, numbers in soles.items()}
     kept, motions, feet = [], [], {side: [] for side in soles}
     for number in range(count):
@@ -224,16 +224,16 @@ def angles(
     return result
 
 
-def skinned(truth: Truth, rig: Rig, motions: NDArray[np.float64]) -> NDArray[np.float64]:
+def skinned(truth: Truth, prepared: PreparedCharacter, motions: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the vertices (F, N, 3) by linear blend skinning, in which each rig joint moves with its bone."""
     numbers = {}
-    for limb in rig.puppet.limbs:
+    for limb in prepared.puppet.limbs:
         for number in range(len(limb.points) - 1):
-            start = np.linalg.norm(bones_of(rig.puppet.limbs).heads - limb.points[number], axis=1)
-            end = np.linalg.norm(bones_of(rig.puppet.limbs).tails - limb.points[number + 1], axis=1)
+            start = np.linalg.norm(bones_of(prepared.puppet.limbs).heads - limb.points[number], axis=1)
+            end = np.linalg.norm(bones_of(prepared.puppet.limbs).tails - limb.points[number + 1], axis=1)
             numbers[limb.name, number] = int((start + end).argmin())
     of_joint = np.array([numbers.get(bone, numbers["trunk", 0]) for bone in truth.owner])
-    rest = np.column_stack([rig.character.vertices, np.ones(len(rig.character.vertices))])
+    rest = np.column_stack([prepared.character.vertices, np.ones(len(prepared.character.vertices))])
     blend = np.zeros((len(motions), len(rest), 3))
     for column in range(truth.which.shape[1]):
         bone = of_joint[truth.which[:, column]]
@@ -332,21 +332,23 @@ def main() -> None:
                 puppet = Path(folder) / f"{name}_{kind}.toml"
                 proposed = new_puppet(file, puppet, limbs=kind != "none").puppet
                 puppet.write_text(puppet_file.dumps(directions_only(proposed) if options.directions_only else proposed))
-                rig = load_rig(puppet)
-                rest = rig.character.vertices
+                prepared = load_prepared(puppet)
+                rest = prepared.character.vertices
                 for recording in options.recordings:
                     timeline, notes = load_timeline(options.data / "logs" / recording, SETTINGS)
                     sensor = recording.partition("/")[0]
-                    shown = play(rig, timeline, truth.soles)
+                    shown = play(prepared, timeline, truth.soles)
                     found = angles(
                         directions(truth, rest, shown.vertices), performer_directions(timeline, shown.frames)
                     )
                     totals.setdefault(kind, []).extend(found.values())
-                    edges = rig.character.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+                    edges = prepared.character.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
                     reference = ["–", "–"]
                     if kind == "rig":
-                        own = skinned(truth, rig, shown.motions)
-                        away.append(100 * np.linalg.norm(shown.vertices - own, axis=-1).ravel() / rig.mesh.diagonal)
+                        own = skinned(truth, prepared, shown.motions)
+                        away.append(
+                            100 * np.linalg.norm(shown.vertices - own, axis=-1).ravel() / prepared.mesh.diagonal
+                        )
                         reference = [stretch(rest, own, edges), median_and_p95(away[-1], 2)]
                     cells = [
                         name,
@@ -361,7 +363,7 @@ def main() -> None:
                     ]
                     print(f"| {' | '.join(cells)} |", flush=True)
                     if options.sheets:
-                        clip = perform(rig, timeline, SETTINGS, notes, lambda _stage, _share: None)
+                        clip = perform(prepared, timeline, SETTINGS, notes, lambda _stage, _share: None)
                         title = f"{name}, {sensor}, limbs from the {kind}"
                         clip_sheet.draw(clip, options.sheets / f"{name}_{kind}_{sensor}.png", title)
     for kind, values in totals.items():

@@ -18,10 +18,10 @@ import psutil
 
 from engine_bridge.character import examples
 from engine_bridge.character.materials import drawn_normals, materials_of
-from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.prepared_character import load_prepared
 from engine_bridge.pictures.camera import Camera
 from engine_bridge.pictures.gpu_renderer import GpuRenderer
-from engine_bridge.pictures.gpu_scene import Stage, Surroundings
+from engine_bridge.pictures.gpu_scene import StageExtent, Surroundings
 from engine_bridge.pictures.renderer import View, render
 
 SIZE = (1280, 720)
@@ -57,7 +57,7 @@ def processor_seconds(work: Callable[[], object]) -> float:
 
 def measure_frame(folder: Path) -> None:
     """Print the cost of a frame with both renderers."""
-    character = load_rig(folder / "human.toml").character
+    character = load_prepared(folder / "human.toml").character
     vertices, normals = character.vertices.astype(np.float32), drawn_normals(character).astype(np.float32)
     both = [vertices + np.array([x, 0, 0], np.float32) for x in (-0.9, 0.9)]
     together = np.concatenate(both).astype(float)
@@ -67,7 +67,7 @@ def measure_frame(folder: Path) -> None:
         drawn = [renderer.add(character.parts, materials_of(character)) for _ in both]
         grey = np.full((2, 2, 4), 230, np.uint8)
         around = Surroundings(renderer.picture(grey), renderer.tile(grey))
-        stage = Stage(np.zeros(3), 1.6, 1.7, 1.6)
+        stage = StageExtent(np.zeros(3), 1.6, 1.7, 1.6)
 
         def draw() -> None:
             for _ in range(FRAMES_PER_ROUND):

@@ -25,7 +25,7 @@ import numpy as np
 from benchmarks import character_cost
 from benchmarks.own_cache import own_cache
 from engine_bridge.inspection.benchmark import CHARACTER, LOG, number
-from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.prepared_character import load_prepared
 
 ADDON = Path(__file__).parents[1] / "integrations" / "godot" / "addons" / "puppetline"
 SCRIPT = Path(__file__).with_suffix(".gd")
@@ -52,10 +52,10 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as place, own_cache(Path(place)):
         folder = Path(place)
         character = character_cost.prepare(folder, mesh, 900)
-        load_rig(folder / CHARACTER)  # so that all processes find it in the cache
+        load_prepared(folder / CHARACTER)  # so that all processes find it in the cache
         project = _make_project(godot, folder / "project")
         found = {count: _measure(godot, project, folder, count) for count in CHARACTER_COUNTS}
-        model = load_rig(folder / CHARACTER).model
+        model = load_prepared(folder / CHARACTER).model
         upload = TRANSFORM_BYTES * len(model.rest_controls) // 4
     version = subprocess.run([godot, "--version"], capture_output=True, text=True, check=True).stdout.strip()
     load = os.getloadavg()[0]

@@ -16,7 +16,7 @@ from engine_bridge.character.character import load_character
 from engine_bridge.inspection.character_cost import Work, arap_iteration, interleaved
 from engine_bridge.performance.character_motion import CharacterMotion
 from engine_bridge.performance.clip import load_timeline, resting_pose
-from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.prepared_character import load_prepared
 from engine_bridge.performance.settings import Settings
 from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.proposal import new_puppet
@@ -34,13 +34,13 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         puppet = Path(folder) / "puppet.toml"
         puppet.write_text(puppet_file.dumps(new_puppet(options.mesh, puppet).puppet))
-        rig = load_rig(puppet)
+        prepared = load_prepared(puppet)
     timeline, _ = load_timeline(options.log, Settings())
-    motion = CharacterMotion(rig, resting_pose(timeline, Settings()))
+    motion = CharacterMotion(prepared, resting_pose(timeline, Settings()))
     aims = [motion.performer.step(frame) for frame in map(timeline.frame, range(len(timeline.positions)))]
-    R = np.empty_like(rig.model.rest_controls)
-    last = rig.model.bones.terminal
-    ends = rig.model.bones.tails[last]
+    R = np.empty_like(prepared.model.rest_controls)
+    last = prepared.model.bones.terminal
+    ends = prepared.model.bones.tails[last]
     homogeneous = np.column_stack([ends, np.ones(len(ends))])
     targets = np.array([np.einsum("bx,bxk->bk", homogeneous, aim.bones[last]) for aim in aims])
 
@@ -51,10 +51,12 @@ def main() -> None:
     mesh = load_character(options.mesh).solver_mesh()
     times = interleaved({"solve": Work(solve, 250), "arap": Work(arap_iteration(mesh, ends, targets), 1)}, ROUNDS)
     start = time.perf_counter()
-    build(mesh, rig.puppet.solver.parameters, rig.model.bones)
+    build(mesh, prepared.puppet.solver.parameters, prepared.model.bones)
     seconds = time.perf_counter() - start
     solved, arap = np.median(times["solve"]), np.median(times["arap"])
-    print(f"{len(rig.model.bones)} bones, {rig.model.cluster.max() + 1} clusters, {len(mesh.vertices)} vertices")
+    print(
+        f"{len(prepared.model.bones)} bones, {prepared.model.cluster.max() + 1} clusters, {len(mesh.vertices)} vertices"
+    )
     print(f"controls of a frame: {solved:.3f} ms, {arap / solved:.0f} times below an ARAP iteration ({arap:.1f} ms)")
     print(f"pre-computation with bones: {seconds:.2f} s")
 

@@ -23,7 +23,7 @@ from engine_bridge.character.character import make_character
 from engine_bridge.export.bake import DEFAULT_TOLERANCE, FittedMotion, bake, fit, recorded_motion, synthetic_motion
 from engine_bridge.export.live_basis import REACH, LiveBasis
 from engine_bridge.performance.clip import solve
-from engine_bridge.performance.rig import Rig, load_rig
+from engine_bridge.performance.prepared_character import PreparedCharacter, load_prepared
 from engine_bridge.performance.settings import Settings
 from engine_bridge.pictures.contact_sheet import write_contact_sheet
 from engine_bridge.pictures.renderer import View, render
@@ -60,27 +60,29 @@ def main() -> None:
         make_character(name, made.vertices, made.faces, made.colors).document.save(folder / f"{name}.glb")
         puppet, output = folder / f"{name}.toml", folder / f"{name}.morphs.glb"
         shutil.copyfile(PUPPETS / puppet.name, puppet)
-        rig = load_rig(puppet)
+        prepared = load_prepared(puppet)
         start = time.perf_counter()
         summary = bake(puppet, output)
         seconds = time.perf_counter() - start
         others = {name: [other for other in PERFORMANCES if other != name] for name in PERFORMANCES}
-        unseen = [project(rig, name, synthetic_motion(rig, rest, SETTINGS, silent)) for name, rest in others.items()]
+        unseen = [
+            project(prepared, name, synthetic_motion(prepared, rest, SETTINGS, silent)) for name, rest in others.items()
+        ]
         alone = [
-            project(rig, name, recorded_motion(rig, [logs[other] for other in rest], SETTINGS, silent))
+            project(prepared, name, recorded_motion(prepared, [logs[other] for other in rest], SETTINGS, silent))
             for name, rest in others.items()
         ]
         left = np.concatenate([one.left for one in unseen])
         worst = max(unseen, key=lambda one: one.farthest)
-        took = microseconds(LiveBasis.load(output, rig), worst.R.astype(np.float64))
+        took = microseconds(LiveBasis.load(output, prepared), worst.R.astype(np.float64))
         print(
-            f"| {name} | {len(rig.character.vertices):,} | {summary.targets} | {summary.bytes / 1e6:.0f} "
+            f"| {name} | {len(prepared.character.vertices):,} | {summary.targets} | {summary.bytes / 1e6:.0f} "
             f"| {seconds:.1f} | {percent(summary.error)} | {percent(left.mean())} | {percent(left.max())} "
             f"| {percent(worst.farthest)} | {min(one.targets for one in alone)}–{max(one.targets for one in alone)} "
             f"| {percent(max(one.left.max() for one in alone))} | {took:.0f} |",
             flush=True,
         )
-        tiles += pictures(rig, worst)
+        tiles += pictures(prepared, worst)
         labels += [f"{name}: solver", f"weights, {percent(worst.farthest)} off"]
     write_contact_sheet(tiles, labels, 2, folder / "morphs.png", "Largest errors of unseen motion")
 
@@ -97,17 +99,17 @@ def write_log(name: str, folder: Path) -> Path:
     return path
 
 
-def project(rig: Rig, performance: str, motion: FittedMotion) -> Unseen:
-    basis = LiveBasis(fit(rig, motion, SETTINGS, silent).directions.astype(np.float32), REACH, rig.model)
+def project(prepared: PreparedCharacter, performance: str, motion: FittedMotion) -> Unseen:
+    basis = LiveBasis(fit(prepared, motion, SETTINGS, silent).directions.astype(np.float32), REACH, prepared.model)
     timeline = resample(PERFORMANCES[performance](), SETTINGS.fps, SETTINGS.max_gap)
-    frames = solve(rig, timeline, SETTINGS).R[:]
+    frames = solve(prepared, timeline, SETTINGS).R[:]
     shown = [basis.project(R) for R in frames]
     moved = np.tensordot([each.weights for each in shown], basis.targets, axes=1).transpose(0, 2, 1)
-    nearest = (rig.model.rest_controls + moved).astype(np.float32)
-    away, _ = BatchBinding.of_solver_mesh(rig.model, rig.mesh).largest_displacements(frames - nearest)
+    nearest = (prepared.model.rest_controls + moved).astype(np.float32)
+    away, _ = BatchBinding.of_solver_mesh(prepared.model, prepared.mesh).largest_displacements(frames - nearest)
     left = [each.residual for each in shown]
     at = int(away.argmax())
-    return Unseen(len(basis.names), np.array(left), float(away[at]) / rig.mesh.diagonal, frames[at], nearest[at])
+    return Unseen(len(basis.names), np.array(left), float(away[at]) / prepared.mesh.diagonal, frames[at], nearest[at])
 
 
 def microseconds(basis: LiveBasis, R: NDArray[np.float64]) -> float:
@@ -120,11 +122,11 @@ def microseconds(basis: LiveBasis, R: NDArray[np.float64]) -> float:
     return 1e6 * float(np.median(took))
 
 
-def pictures(rig: Rig, worst: Unseen) -> list[NDArray[np.uint8]]:
-    binding = BatchBinding(rig.model, rig.character.vertices, rig.mesh.of_render)
-    poses = binding.vertices(np.array([worst.R, worst.nearest])).transpose(2, 0, 1) @ rig.puppet.character.basis.T
+def pictures(prepared: PreparedCharacter, worst: Unseen) -> list[NDArray[np.uint8]]:
+    binding = BatchBinding(prepared.model, prepared.character.vertices, prepared.mesh.of_render)
+    poses = binding.vertices(np.array([worst.R, worst.nearest])).transpose(2, 0, 1) @ prepared.puppet.character.basis.T
     view = View.around(poses[0])
-    return [render(pose, rig.character.triangles, view, TILE_PIXELS, rig.character.colors) for pose in poses]
+    return [render(pose, prepared.character.triangles, view, TILE_PIXELS, prepared.character.colors) for pose in poses]
 
 
 def percent(share: float) -> str:

@@ -48,7 +48,9 @@ def main() -> None:
                 print(f"Blender {version}, {TIMES} times per file; distances as % of the diagonal\n")
                 print("| character | recording | frames | targets | weights | printed error | largest distance |")
                 print("| --- | --- | --- | --- | --- | --- | --- |")
-            distance = players.farthest(shown.meshes, players.solved(clip)(shown.times)) / clip.motion.rig.mesh.diagonal
+            distance = (
+                players.farthest(shown.meshes, players.solved(clip)(shown.times)) / clip.motion.prepared.mesh.diagonal
+            )
             low, high = _weights(output)
             print(
                 f"| {character} | {log.stem} | {summary.frames:,} | {summary.targets} | {low:.3g} to {high:.3g} "

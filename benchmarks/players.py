@@ -136,8 +136,8 @@ def solved(clip: Clip) -> Callable[[Floats], dict[tuple[int, int], Floats]]:
     Positions are float64 and computed from the control variables, not from the exported file; key times are float32, as
     in the file.
     """
-    motion, rig = clip.motion, clip.motion.rig
-    model, mesh, character = rig.model, rig.mesh, rig.character
+    motion, prepared = clip.motion, clip.motion.prepared
+    model, mesh, character = prepared.model, prepared.mesh, prepared.character
     W = position_matrix(
         model.to_model(mesh.vertices), model.isoline_coordinates.astype(np.float64), model.weights, model.isolines
     )
@@ -150,7 +150,7 @@ def solved(clip: Clip) -> Callable[[Floats], dict[tuple[int, int], Floats]]:
         share = (at - before)[:, None, None]
         R = (1 - share) * motion.R[before].astype(np.float64) + share * motion.R[before + 1].astype(np.float64)
         moved = np.array([W @ each for each in R]) * model.diagonal + model.center
-        if rig.puppet.root is not None:
+        if prepared.puppet.root is not None:
             moved += (1 - share) * motion.root[before][:, None] + share * motion.root[before + 1][:, None]
         return {
             (part.node, part.primitive): moved[:, mesh.of_render[place]]

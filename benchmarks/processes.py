@@ -15,7 +15,7 @@ from benchmarks.avx2 import Avx2Blend, MissingError
 from engine_bridge.character.character import load_character
 from engine_bridge.inspection.benchmark import CHARACTER, LOG, main
 from engine_bridge.inspection.character_cost import Playing, Work, arap_iteration, interleaved
-from engine_bridge.performance.rig import Rig, load_rig
+from engine_bridge.performance.prepared_character import PreparedCharacter, load_prepared
 from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.puppet import SolverTable
 from solver.model import coarse_fields, reduced_model
@@ -42,15 +42,15 @@ SAMPLED_VERTICES = 4000
 
 def yardstick(folder: Path) -> dict[str, Any]:
     """Time positions and normals in turn with the loop in C, after a check that both agree."""
-    playing = Playing(load_rig(folder / CHARACTER), folder / LOG)
+    playing = Playing(load_prepared(folder / CHARACTER), folder / LOG)
     try:
-        avx2 = Avx2Blend(folder, playing.rig.model, playing.binding)
+        avx2 = Avx2Blend(folder, playing.prepared.model, playing.binding)
     except MissingError as reason:
         return {"missing": str(reason)}
     controls = [playing.controls().copy() for _ in range(60)]
     positions, normals = playing.vertices(controls[-1])
     avx2(controls[-1])
-    np.testing.assert_allclose(avx2.positions, positions, rtol=0, atol=1e-5 * playing.rig.mesh.diagonal)
+    np.testing.assert_allclose(avx2.positions, positions, rtol=0, atol=1e-5 * playing.prepared.mesh.diagonal)
     np.testing.assert_allclose(avx2.normals, normals, rtol=0, atol=1e-5)
     times = interleaved(
         {
@@ -64,14 +64,14 @@ def yardstick(folder: Path) -> dict[str, Any]:
 
 def point(folder: Path) -> dict[str, float]:
     """Time the steps of a frame on a mesh of any size."""
-    rig = load_rig(folder / CHARACTER)
-    playing = Playing(rig, folder / LOG)
+    prepared = load_prepared(folder / CHARACTER)
+    playing = Playing(prepared, folder / LOG)
     controls = playing.controls().copy()
     todo = {"solve": Work(lambda _: playing.controls(), 250), "vertices": Work(lambda _: playing.vertices(controls), 5)}
-    if len(rig.mesh.vertices) <= MAX_ARAP_VERTICES:
+    if len(prepared.mesh.vertices) <= MAX_ARAP_VERTICES:
         path = playing.handle_path(60)
-        todo["arap_iteration"] = Work(arap_iteration(rig.mesh, playing.motion.deformer.handles, path), 1)
-    return {"vertices": len(rig.mesh.of_render), **medians(interleaved(todo, 12))}
+        todo["arap_iteration"] = Work(arap_iteration(prepared.mesh, playing.motion.deformer.handles, path), 1)
+    return {"vertices": len(prepared.mesh.of_render), **medians(interleaved(todo, 12))}
 
 
 def cold(folder: Path, exact: int) -> dict[str, Any]:
@@ -81,7 +81,7 @@ def cold(folder: Path, exact: int) -> dict[str, Any]:
     bones = bones_of(puppet.limbs)
     # compiles what only large surfaces need
     reduced_model.MAX_EXACT_VERTICES = 0
-    small = load_rig(folder / character_cost_process.WARM_UP)
+    small = load_prepared(folder / character_cost_process.WARM_UP)
     fine = weld(*igl.upsample(small.mesh.vertices, small.mesh.faces, 2))  # with vertices inside cells
     build(fine, small.puppet.solver.parameters)
     reduced_model.MAX_EXACT_VERTICES = sys.maxsize if exact else coarse_fields.MAX_EXACT_VERTICES
@@ -101,36 +101,36 @@ def cold(folder: Path, exact: int) -> dict[str, Any]:
 def table1_row(folder: Path) -> dict[str, Any]:
     """Measure a row of the paper's Table 1, with one iteration per frame."""
     character_cost_process.warm_up(folder)
-    rig = load_rig(folder / CHARACTER)
-    handles = rig.puppet.handle_positions
-    found: dict[str, Any] = {"vertices": len(rig.mesh.of_render), "handles": len(handles)}
+    prepared = load_prepared(folder / CHARACTER)
+    handles = prepared.puppet.handle_positions
+    found: dict[str, Any] = {"vertices": len(prepared.mesh.of_render), "handles": len(handles)}
     start = time.perf_counter()
-    again = load_rig(folder / CHARACTER)
+    again = load_prepared(folder / CHARACTER)
     Deformer(again.model, again.mesh, handles)
     found["reuse_s"] = time.perf_counter() - start
     start = time.perf_counter()
-    mesh = rig.character.solver_mesh()
+    mesh = prepared.character.solver_mesh()
     Deformer(build(mesh), mesh, handles)
     found["precompute_s"] = time.perf_counter() - start
-    playing = Playing(with_iterations(rig, 1), folder / LOG)
+    playing = Playing(with_iterations(prepared, 1), folder / LOG)
     path, solve = playing.handle_path(60), playing.motion.deformer.solve
     controls = playing.controls()
     todo = {
         "iteration": Work(lambda number: solve(path[number]), 60),
         "vertices": Work(lambda _: playing.vertices(controls), 10),
     }
-    retargeting = Playing(rig, folder / LOG)
+    retargeting = Playing(prepared, folder / LOG)
     still = retargeting.motion.step(retargeting.frame()).R
     retargeting.motion.deformer.solve = lambda *_: still  # leaves filter and retargeting
     todo["input"] = Work(lambda _: retargeting.motion.step(retargeting.frame()), 60)
     return found | medians(interleaved(todo, 40))
 
 
-def with_iterations(rig: Rig, iterations: int) -> Rig:
-    """Return a rig with another number of iterations per frame, and a rotation per isoline."""
-    solver = SolverTable(**{**rig.puppet.solver.model_dump(), "rotations": "covariance", "iterations": iterations})
-    puppet = rig.puppet.model_copy(update={"solver": solver})
-    return Rig(puppet, rig.character, rig.mesh, rig.model)
+def with_iterations(prepared: PreparedCharacter, iterations: int) -> PreparedCharacter:
+    """Return a character with another number of iterations per frame, and a rotation per isoline."""
+    solver = SolverTable(**{**prepared.puppet.solver.model_dump(), "rotations": "covariance", "iterations": iterations})
+    puppet = prepared.puppet.model_copy(update={"solver": solver})
+    return PreparedCharacter(puppet, prepared.character, prepared.mesh, prepared.model)
 
 
 def convergence(folder: Path) -> dict[str, Any]:
@@ -141,20 +141,22 @@ def convergence(folder: Path) -> dict[str, Any]:
     dict
         For each number of iterations the largest distance and the 99th percentile, in percent of the diagonal.
     """
-    rig = load_rig(folder / CHARACTER)
-    binding = Binding.of_solver_mesh(rig.model, rig.mesh)
-    sample = np.linspace(0, len(rig.mesh.vertices) - 1, min(SAMPLED_VERTICES, len(rig.mesh.vertices))).astype(int)
+    prepared = load_prepared(folder / CHARACTER)
+    binding = Binding.of_solver_mesh(prepared.model, prepared.mesh)
+    sample = np.linspace(0, len(prepared.mesh.vertices) - 1, min(SAMPLED_VERTICES, len(prepared.mesh.vertices))).astype(
+        int
+    )
     binding = binding.only(sample)
-    targets = list(handle_targets(rig, folder / LOG))
+    targets = list(handle_targets(prepared, folder / LOG))
 
     def positions(iterations: int) -> NDArray[np.float32]:
-        handles = rig.puppet.handle_positions
-        deformer = Deformer(rig.model, rig.mesh, handles, iterations=iterations, mode="covariance")
-        solved = [to_file_units(deformer.solve(wanted), rig.model) for wanted in targets]
+        handles = prepared.puppet.handle_positions
+        deformer = Deformer(prepared.model, prepared.mesh, handles, iterations=iterations, mode="covariance")
+        solved = [to_file_units(deformer.solve(wanted), prepared.model) for wanted in targets]
         return np.array([binding.vertices(controls) for controls in solved])
 
     settled = positions(CONVERGED_ITERATIONS)
-    errors = [100 * np.linalg.norm(positions(n) - settled, axis=2) / rig.mesh.diagonal for n in ITERATIONS]
+    errors = [100 * np.linalg.norm(positions(n) - settled, axis=2) / prepared.mesh.diagonal for n in ITERATIONS]
     return {
         "iterations": ITERATIONS,
         "max": [float(error.max()) for error in errors],
@@ -162,9 +164,9 @@ def convergence(folder: Path) -> dict[str, Any]:
     }
 
 
-def handle_targets(rig: Rig, log: Path) -> Iterator[NDArray[np.float64]]:
+def handle_targets(prepared: PreparedCharacter, log: Path) -> Iterator[NDArray[np.float64]]:
     """Yield the targets of the handles (h, 3) for each frame of a recording."""
-    playing = Playing(rig, log)
+    playing = Playing(prepared, log)
     solve, given = playing.motion.deformer.solve, []
 
     def watched(targets: NDArray[np.float64], *more: Any) -> NDArray[np.float64]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from engine_bridge.character import examples
 from engine_bridge.character.character import load_character, make_character
 from engine_bridge.performance.clip import load_timeline, perform
-from engine_bridge.performance.rig import Rig, load_rig, make_rig
+from engine_bridge.performance.prepared_character import PreparedCharacter, load_prepared, make_prepared
 from engine_bridge.performance.settings import Settings
 from engine_bridge.puppet.proposal import new_puppet
 from engine_bridge.rigging import made_rig
@@ -55,31 +55,31 @@ def main() -> None:
         for name in ("human", *MESHES):
             if not chosen.only or any(part in name for part in chosen.only):
                 if name == "human":
-                    rig = load_rig(examples.prepare(name, Path(folder))[1])
+                    prepared = load_prepared(examples.prepare(name, Path(folder))[1])
                 else:
-                    rig = bare_rig(chosen.data / "mesh" / name)
-                print_row(Path(name).stem, rig, [chosen.data / "logs" / recording for recording in RECORDINGS])
+                    prepared = bare_rig(chosen.data / "mesh" / name)
+                print_row(Path(name).stem, prepared, [chosen.data / "logs" / recording for recording in RECORDINGS])
 
 
-def bare_rig(path: Path) -> Rig:
+def bare_rig(path: Path) -> PreparedCharacter:
     """Return the puppet that is proposed for a mesh, without the skin of its file."""
     character = load_character(path)
     bare = make_character(path.stem, character.vertices, character.triangles)
-    return make_rig(new_puppet(path, path).puppet, bare)
+    return make_prepared(new_puppet(path, path).puppet, bare)
 
 
-def print_row(name: str, rig: Rig, recordings: list[Path]) -> None:
+def print_row(name: str, prepared: PreparedCharacter, recordings: list[Path]) -> None:
     """Print how far the rig of a character is from the solver's surface."""
-    made = made_rig.made_rig(rig)
+    made = made_rig.made_rig(prepared)
     away, ours, solvers = [], [], []
     for recording in recordings:
         timeline, notes = load_timeline(recording, SETTINGS)
-        clip = perform(rig, timeline, SETTINGS, notes, lambda _stage, _share: None)
+        clip = perform(prepared, timeline, SETTINGS, notes, lambda _stage, _share: None)
         stride = -(-len(clip.motion) // MAX_FRAMES)
-        skinned, surface = places(rig, made, clip.motion.R[::stride], clip.motion.bones[::stride])
-        away.append(np.linalg.norm(skinned - surface, axis=1).ravel() / float(rig.model.diagonal) * 100)
-        ours.append(lengths(rig, skinned))
-        solvers.append(lengths(rig, surface))
+        skinned, surface = places(prepared, made, clip.motion.R[::stride], clip.motion.bones[::stride])
+        away.append(np.linalg.norm(skinned - surface, axis=1).ravel() / float(prepared.model.diagonal) * 100)
+        ours.append(lengths(prepared, skinned))
+        solvers.append(lengths(prepared, surface))
     off = np.concatenate(away)
     edges = " | ".join(
         "{:.2f} / {:.2f}".format(*np.percentile(np.concatenate(each), (1, 99))) for each in (ours, solvers)
@@ -89,23 +89,23 @@ def print_row(name: str, rig: Rig, recordings: list[Path]) -> None:
 
 
 def places(
-    rig: Rig, made: made_rig.MadeRig, controls: NDArray[np.floating], motions: NDArray[np.floating]
+    prepared: PreparedCharacter, made: made_rig.MadeRig, controls: NDArray[np.floating], motions: NDArray[np.floating]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the vertices (n, 3, F) by the weights and by the solver, relative to the middle of the character."""
-    center, vertices = rig.model.center, rig.mesh.vertices
+    center, vertices = prepared.model.center, prepared.mesh.vertices
     bones = Weights(made.weights.weights, made.skeleton.bones[made.weights.bones].astype(np.uint16))
-    moved = made_rig.with_handles(rig, controls, motions)
+    moved = made_rig.with_handles(prepared, controls, motions)
     moved[:, :, 3] += np.einsum("i,fbij->fbj", center, moved[:, :, :3]) - center
     lines = blend_lines(vertices - center, as_matrix(bones, moved.shape[1]))
     skinned = lines @ moved.transpose(2, 1, 3, 0).reshape(lines.shape[1], -1)
-    surface = BatchBinding.of_solver_mesh(rig.model, rig.mesh).displacements(controls)
+    surface = BatchBinding.of_solver_mesh(prepared.model, prepared.mesh).displacements(controls)
     return skinned.reshape(len(vertices), 3, -1), surface.astype(np.float64)
 
 
-def lengths(rig: Rig, places: NDArray[np.float64]) -> NDArray[np.float64]:
+def lengths(prepared: PreparedCharacter, places: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the lengths of edges relative to rest, for vertices (n, 3, F)."""
-    a, b = rig.mesh.edges.T
-    rest = np.linalg.norm(rig.mesh.vertices[a] - rig.mesh.vertices[b], axis=1)
+    a, b = prepared.mesh.edges.T
+    rest = np.linalg.norm(prepared.mesh.vertices[a] - prepared.mesh.vertices[b], axis=1)
     known = rest > 0
     return np.asarray((np.linalg.norm(places[a[known]] - places[b[known]], axis=1) / rest[known, None]).ravel())
 

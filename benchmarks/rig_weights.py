@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from engine_bridge.character.character import Character, load_character, make_character
 from engine_bridge.performance.exercise import random_poses
-from engine_bridge.performance.rig import Rig, make_rig
+from engine_bridge.performance.prepared_character import PreparedCharacter, make_prepared
 from engine_bridge.puppet.proposal import new_puppet
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.puppet.rig_bones import skin_shares
@@ -83,18 +83,18 @@ def compared(path: Path, by_bone: bool) -> Iterator[Row]:
     if shares is None:
         return
     bare = make_character(path.stem, character.vertices, character.triangles)
-    rig, told = make_rig(puppet, bare), make_rig(puppet, character)
-    controls, motions = random_poses(rig, POSES, SEED)
+    prepared, told = make_prepared(puppet, bare), make_prepared(puppet, character)
+    controls, motions = random_poses(prepared, POSES, SEED)
     own = skinned(shares, character.vertices, motions)
-    size, follows = float(rig.model.diagonal), rig.mesh.of_render
+    size, follows = float(prepared.model.diagonal), prepared.mesh.of_render
     heat, missing = bone_heat(bare, puppet)
-    made = made_rig.make_rig(rig)
+    made = made_rig.make_rig(prepared)
     ours = Weights(made.weights.weights, made.skeleton.bones[made.weights.bones].astype(np.uint16))
     of_ours = as_matrix(ours, motions.shape[1]).toarray()[follows]
     places = {
         "heat": skinned(heat, character.vertices, motions),
         "ours": skinned(of_ours, character.vertices, motions),
-        "solver": surface(rig, controls)[:, follows],
+        "solver": surface(prepared, controls)[:, follows],
         "told": surface(told, random_poses(told, POSES, SEED)[0])[:, told.mesh.of_render],
     }
     off = {name: np.linalg.norm(place - own, axis=2) / size * 100 for name, place in places.items()}
@@ -111,7 +111,7 @@ def compared(path: Path, by_bone: bool) -> Iterator[Row]:
     yield row
 
 
-def print_regions(puppet: Puppet, told: Rig, off: dict[str, Floats]) -> None:
+def print_regions(puppet: Puppet, told: PreparedCharacter, off: dict[str, Floats]) -> None:
     """Print the distances of the vertices that the file's skin gives to each bone."""
     owner = told.model.regions.owner[told.mesh.of_render]
     names = [(limb.name, number) for limb in parents_first(puppet.limbs) for number in range(len(limb.points) - 1)]
@@ -135,10 +135,12 @@ def blend(weights: Floats, rest: Floats, motion: Floats) -> Floats:
     return np.einsum("ni,nij->nj", rest, blended[:, :3]) + blended[:, 3]
 
 
-def surface(rig: Rig, controls: NDArray[np.float32]) -> Floats:
+def surface(prepared: PreparedCharacter, controls: NDArray[np.float32]) -> Floats:
     """Return the positions (F, n, 3) of the reduced model."""
-    W = rig.model.position_matrix(rig.mesh.vertices)
-    return np.array([(W @ R) * float(rig.model.diagonal) + rig.model.center for R in controls.astype(np.float64)])
+    W = prepared.model.position_matrix(prepared.mesh.vertices)
+    return np.array(
+        [(W @ R) * float(prepared.model.diagonal) + prepared.model.center for R in controls.astype(np.float64)]
+    )
 
 
 def bone_heat(character: Character, puppet: Puppet) -> tuple[Floats, float]:

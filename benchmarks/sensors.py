@@ -30,7 +30,7 @@ from benchmarks.live_peers import serving
 from benchmarks.rendered_body import HEIGHT, KINECT, LENS, NAMES, Body, Studio
 from benchmarks.smoothing import PRESETS
 from capture.fusion.performers import Performers
-from capture.pose import Pose
+from capture.sensor_pose import SensorPose
 from capture.sensors.source import SensorSource
 from capture.skeleton import JOINT_INDEX, SkeletonFrame
 from capture.smoothing import FRAMES_PER_SECOND, JointFilter, Smoothing
@@ -39,8 +39,8 @@ from capture.trackers.picture import Person, Picture
 from capture.trackers.placing import BodyPlacer
 from engine_bridge.character import examples
 from engine_bridge.performance.character_motion import make_deformer
+from engine_bridge.performance.prepared_character import load_prepared
 from engine_bridge.performance.retargeting import Retargeting
-from engine_bridge.performance.rig import load_rig
 from tests.capture.fusion.virtual_sensors import VirtualSensor, truth, turning
 
 Floats = NDArray[np.float64]
@@ -194,7 +194,7 @@ def one_euro(positions: Floats) -> Floats:
 def fusion() -> Iterator[Goal]:
     """Yield the mean error of the joints of a turning performer, for two virtual sensors and for the better one."""
     turn = turning(clean("walk"), 2.0, 7.0)
-    poses = [Pose(np.eye(3), np.zeros(3)), Pose.of_degrees(4.0, -75.0, 2.0, np.array([2.4, 0.3, 1.9]))]
+    poses = [SensorPose(np.eye(3), np.zeros(3)), SensorPose.of_degrees(4.0, -75.0, 2.0, np.array([2.4, 0.3, 1.9]))]
     both, better = [], []
     for seed in (1, 5, 9):
         sensors = [VirtualSensor(pose, seed=seed + k) for k, pose in enumerate(poses)]
@@ -269,10 +269,10 @@ class KnownJoints:
 
 def latency(puppet: Path, body: Body, walk: Floats) -> Iterator[Goal]:
     """Yield the time from an image to filtered joints and the handles' targets, without MediaPipe."""
-    rig = load_rig(puppet)
+    prepared = load_prepared(puppet)
     shot = Studio(body, 2.5, 0.0, seed=3).shoot(0.0, walk[0])
     joints = tracked([shot.picture] * 5, depth=True)[-1]
-    retargeting = Retargeting(rig.puppet, rig.mesh, make_deformer(rig), joints)
+    retargeting = Retargeting(prepared.puppet, prepared.mesh, make_deformer(prepared), joints)
     device = RepeatedImage(shot.picture)
     source = SensorSource("benchmark:", lambda: device, lambda _: KnownJoints(joints))
     taken = []

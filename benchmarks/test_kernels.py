@@ -16,7 +16,7 @@ from engine_bridge.character.character import make_character
 from engine_bridge.character.materials import drawn_normals
 from engine_bridge.inspection.benchmark import CHARACTER, LOG
 from engine_bridge.inspection.character_cost import Playing
-from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.prepared_character import load_prepared
 from solver.model import matrix_blocks
 from solver.model.polar import nearest_rotations
 from solver.motion.deformer import to_file_units
@@ -32,7 +32,7 @@ def playing(tmp_path_factory: pytest.TempPathFactory) -> Playing:
     make_character("dinosaur", made.vertices, made.faces).document.save(folder / "dinosaur.glb")
     prepare(folder, folder / "dinosaur.glb", FRAMES)
     with own_cache(folder):
-        played = Playing(load_rig(folder / CHARACTER), folder / LOG)
+        played = Playing(load_prepared(folder / CHARACTER), folder / LOG)
     for _ in range(FRAMES // 2):
         played.controls()
     return played
@@ -41,7 +41,7 @@ def playing(tmp_path_factory: pytest.TempPathFactory) -> Playing:
 @pytest.fixture(scope="module")
 def targets(playing: Playing) -> np.ndarray:
     deformer = playing.motion.deformer
-    return deformer.handles + 0.05 * playing.rig.mesh.diagonal * np.sin(np.arange(len(deformer.handles)))[:, None]
+    return deformer.handles + 0.05 * playing.prepared.mesh.diagonal * np.sin(np.arange(len(deformer.handles)))[:, None]
 
 
 def test_joint_filter(benchmark):
@@ -81,14 +81,14 @@ def test_nearest_rotations(benchmark):
 def test_solve(benchmark, playing, targets):
     """After many iterations, the handles are at their targets."""
     R = benchmark(playing.motion.deformer.solve, targets)
-    model, handles = playing.rig.model, playing.motion.deformer.handles
-    reached = model.rows(playing.rig.mesh, handles) @ R * model.diagonal + model.center
+    model, handles = playing.prepared.model, playing.motion.deformer.handles
+    reached = model.rows(playing.prepared.mesh, handles) @ R * model.diagonal + model.center
     np.testing.assert_allclose(reached, targets, atol=1e-3 * model.diagonal)
 
 
 def test_to_file_units(benchmark, playing, targets):
     """A point that a transform of model units moves goes to the same place in the file's coordinates."""
-    model = playing.rig.model
+    model = playing.prepared.model
     R = playing.motion.deformer.solve(targets)
     controls = benchmark(to_file_units, R, model)
     point = np.array([0.1, 0.2, 0.3])
@@ -101,12 +101,12 @@ def test_vertices(benchmark, playing):
     """They are the same whether normals are computed or not."""
     controls = playing.controls().copy()
     vertices = benchmark(playing.binding.vertices, controls)
-    np.testing.assert_allclose(vertices, playing.vertices(controls)[0], atol=1e-6 * playing.rig.model.diagonal)
+    np.testing.assert_allclose(vertices, playing.vertices(controls)[0], atol=1e-6 * playing.prepared.model.diagonal)
 
 
 def test_vertices_and_normals(benchmark, playing):
     """At rest they are the file's."""
-    model = playing.rig.model
+    model = playing.prepared.model
     vertices, normals = benchmark(playing.vertices, to_file_units(model.rest_controls, model))
-    np.testing.assert_allclose(vertices, playing.rig.character.vertices, atol=1e-5 * model.diagonal)
-    np.testing.assert_allclose(normals, drawn_normals(playing.rig.character), atol=1e-4)
+    np.testing.assert_allclose(vertices, playing.prepared.character.vertices, atol=1e-5 * model.diagonal)
+    np.testing.assert_allclose(normals, drawn_normals(playing.prepared.character), atol=1e-4)

@@ -10,7 +10,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.prepared_character import load_prepared
 from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.proposal import new_puppet
 from engine_bridge.service.protocol.frame import Frame
@@ -42,10 +42,10 @@ def write_messages(mesh: Path, folder: Path) -> None:
     """Write a scene and a frame of controls."""
     puppet = folder / "puppet.toml"
     puppet_file.dump(new_puppet(mesh, puppet, limbs=False).puppet, puppet)
-    rig = load_rig(puppet)
-    deformer = Deformer(rig.model, rig.mesh, rig.puppet.handle_positions)
-    pose = deformer.solve(deformer.handles + 0.1 * rig.model.diagonal)
-    character = StreamedCharacter("measured", rig, 1)
+    prepared = load_prepared(puppet)
+    deformer = Deformer(prepared.model, prepared.mesh, prepared.puppet.handle_positions)
+    pose = deformer.solve(deformer.handles + 0.1 * prepared.model.diagonal)
+    character = StreamedCharacter("measured", prepared, 1)
     frame = Frame(
         character=character,
         sequence=1,

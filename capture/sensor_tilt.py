@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from capture.body import ANKLE_HEIGHT_METRES
 from capture.clip import SkeletonClip
 from capture.orientations import rotated
-from capture.pose import Pose
+from capture.sensor_pose import SensorPose
 from capture.skeleton import JOINT_INDEX, SkeletonFrame
 
 MIN_STRAIGHT_COSINE = math.cos(math.radians(20))
@@ -43,7 +43,7 @@ class SensorTilt:
     height : float
         Metres above the floor, 0 if unknown.
     roll : float
-        Degrees about the viewing direction, as in `capture.pose.Pose.of_degrees`.
+        Degrees about the viewing direction, as in `capture.sensor_pose.SensorPose.of_degrees`.
     """
 
     tilt: float = 0.0
@@ -99,8 +99,8 @@ class SensorTilt:
         return replace(seen, positions=self.upright(seen.positions), orientations=orientations)
 
     @property
-    def _pose(self) -> Pose:
-        return Pose.of_degrees(self.tilt, 0.0, self.roll, np.array([0.0, self.height, 0.0]))
+    def _pose(self) -> SensorPose:
+        return SensorPose.of_degrees(self.tilt, 0.0, self.roll, np.array([0.0, self.height, 0.0]))
 
 
 def estimate_tilt(pose: NDArray[np.float64]) -> SensorTilt | None:

@@ -15,7 +15,7 @@ from engine_bridge.performance.channels import weights_at
 from engine_bridge.performance.character_motion import CharacterMotion
 from engine_bridge.performance.clip import TakeTimeline, reference_pose, timeline_of
 from engine_bridge.performance.pose import Pose
-from engine_bridge.performance.rig import Rig, load_rig, make_rig
+from engine_bridge.performance.prepared_character import PreparedCharacter, load_prepared, make_prepared
 from engine_bridge.performance.settings import Form, Settings
 from engine_bridge.puppet import proposal, puppet_file
 from engine_bridge.puppet.body_plans import BodyPlan
@@ -43,9 +43,9 @@ class Character:
         Sentences about what was assumed and what is unclear.
     """
 
-    def __init__(self, rig: Rig, notes: tuple[str, ...] = ()) -> None:
-        self._rig, self._drawn = rig, StreamedCharacter("character", rig, 0)
-        self.puppet, self.mesh, self.notes = rig.puppet, Path(rig.character.document.name), notes
+    def __init__(self, prepared: PreparedCharacter, notes: tuple[str, ...] = ()) -> None:
+        self._rig, self._drawn = prepared, StreamedCharacter("character", prepared, 0)
+        self.puppet, self.mesh, self.notes = prepared.puppet, Path(prepared.character.document.name), notes
 
     @property
     def limbs(self) -> tuple[str, ...]:
@@ -204,7 +204,7 @@ def load(path: str | PathLike[str]) -> Character:
     ------
     PuppetlineError
     """
-    return Character(load_rig(Path(path)))
+    return Character(load_prepared(Path(path)))
 
 
 def propose(
@@ -241,4 +241,4 @@ def propose(
     """
     path = Path(mesh)
     made = proposal.new_puppet(path, path, body=body, up=up, front=front, scale=scale, plan=plan, mirror=mirror)
-    return Character(make_rig(made.puppet, made.character), (*made.assumed, *made.notes))
+    return Character(make_prepared(made.puppet, made.character), (*made.assumed, *made.notes))

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
 from capture.fusion.clocks import clock_offsets, sampled
-from capture.pose import Pose, fit
+from capture.sensor_pose import SensorPose, fit
 from capture.skeleton import LOST, OPPOSITE
 from puppetline.errors import SkeletonLogError
 
@@ -40,7 +40,7 @@ class Alignment:
 
     Attributes
     ----------
-    pose : Pose
+    pose : SensorPose
         Pose of the second sensor in the coordinates of the first.
     clock : float
         Seconds by which the second clock is ahead of the first.
@@ -52,7 +52,7 @@ class Alignment:
         Share of the frames in which the recordings have left and right swapped.
     """
 
-    pose: Pose
+    pose: SensorPose
     clock: float
     residual: float
     seconds: float
@@ -150,12 +150,12 @@ def _initial_fit(
     if reverse:
         centre = there[trust > LOST].mean(axis=0)
         rotation = pose.rotation @ _HALF_TURN
-        pose = Pose(rotation, pose.apply(centre) - rotation @ centre)
+        pose = SensorPose(rotation, pose.apply(centre) - rotation @ centre)
     return _refined_fit(first, other, pose, clock, effort)
 
 
 def _refined_fit(
-    first: SkeletonClip, other: SkeletonClip, pose: Pose, clock: float, effort: tuple[int, int]
+    first: SkeletonClip, other: SkeletonClip, pose: SensorPose, clock: float, effort: tuple[int, int]
 ) -> Alignment:
     """Fit pose, clock and sides in turn, with a number of rounds and a maximum number of frames."""
     rounds, max_frames = effort
@@ -187,7 +187,7 @@ def _refined_fit(
     return Alignment(pose, clock, residual, seconds, float(swapped.mean()))
 
 
-def _fit(points: Array, onto: Array, weights: Array) -> Pose:
+def _fit(points: Array, onto: Array, weights: Array) -> SensorPose:
     known = (weights > 0) & np.isfinite(points).all(axis=2) & np.isfinite(onto).all(axis=2)
     return fit(points[known], onto[known], weights[known])
 

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, FiniteFloat, model_validator
 
 from capture.fusion.source import FusedSource, Member
-from capture.pose import Pose
+from capture.sensor_pose import SensorPose
 from capture.source import SkeletonSource
 from puppetline import toml_schema
 from puppetline.errors import SourceError
@@ -28,7 +28,7 @@ _Degrees = Annotated[FiniteFloat, Field(ge=-360, le=360)]
 
 
 class SensorTable(Table):
-    """[[sensor]]: a source and its pose; see `capture.pose.Pose.of_degrees`."""
+    """[[sensor]]: a source and its pose; see `capture.sensor_pose.SensorPose.of_degrees`."""
 
     source: Annotated[str, Field(strict=True, min_length=1)]
     position: tuple[_Metres, _Metres, _Metres] | None = None
@@ -38,7 +38,9 @@ class SensorTable(Table):
     @property
     def member(self) -> Member:
         """The member that the table describes."""
-        return Member(self.source, Pose.of_degrees(*self.rotation, np.array(self.position or (0, 0, 0))), self.clock)
+        return Member(
+            self.source, SensorPose.of_degrees(*self.rotation, np.array(self.position or (0, 0, 0))), self.clock
+        )
 
 
 class FusedFile(Table):

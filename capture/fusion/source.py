@@ -14,8 +14,8 @@ from typing import Any, TypeGuard
 
 from capture.events import TICK_SECONDS, Cue, Event, Lost, Tick
 from capture.fusion.performers import Performers
-from capture.pose import Pose
 from capture.reconnecting import ReopeningSource
+from capture.sensor_pose import SensorPose
 from capture.skeleton import SkeletonFrame
 from capture.source import Counts, SkeletonSource
 from puppetline import clock
@@ -36,14 +36,14 @@ class Member:
     Attributes
     ----------
     uri : str
-    pose : Pose
+    pose : SensorPose
         Pose of its sensor in common coordinates.
     clock : float
         Seconds by which its clock, or the arrival of its frames, is ahead of the first member's.
     """
 
     uri: str
-    pose: Pose
+    pose: SensorPose
     clock: float = 0.0
 
 

@@ -22,7 +22,7 @@ MAX_METRES = 20.0
 """Maximum coordinate in metres: no sensor reaches further, and a pose in millimetres has a larger number."""
 
 Values = tuple[float, ...]
-Pose = tuple[NDArray[np.float64], NDArray[np.float32]]
+PerformerPose = tuple[NDArray[np.float64], NDArray[np.float32]]
 """Positions (20, 3) in metres in sensor coordinates, NaN for lost joints, and confidence (20,)."""
 
 
@@ -116,7 +116,7 @@ class Dialect(Protocol):
     def read(self, message: Message) -> Reading | None:
         """Read a message; return None if it belongs to another dialect."""
 
-    def pose(self, parts: Mapping[str, Values], units: Units | None) -> Pose:
+    def pose(self, parts: Mapping[str, Values], units: Units | None) -> PerformerPose:
         """Convert the parts of one frame to a pose, which may still be mirrored.
 
         Parameters
@@ -173,7 +173,7 @@ def to_metres(values: NDArray[np.float64], units: Units | None, small: Units) ->
 
 def kinect20(
     names: Mapping[str, object], positions: NDArray[np.float64], confidence: NDArray[np.float32] | float
-) -> Pose:
+) -> PerformerPose:
     """Put joints into the order of `capture.skeleton.JOINTS`.
 
     Parameters

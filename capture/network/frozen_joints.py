@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.network.dialect import Pose
+from capture.network.dialect import PerformerPose
 from capture.skeleton import JOINTS, LOST
 
 FROZEN_SECONDS = 0.5
@@ -20,7 +20,7 @@ class FrozenJoints:
         self._positions = np.full((len(JOINTS), 3), np.nan)
         self._changed = np.full(len(JOINTS), -np.inf)
 
-    def lost(self, pose: Pose, time: float) -> NDArray[np.float32]:
+    def lost(self, pose: PerformerPose, time: float) -> NDArray[np.float32]:
         """Return the confidence (20,) of a pose, in which frozen joints are lost.
 
         Parameters

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.cuts import is_cut
-from capture.network.dialect import Pose
+from capture.network.dialect import PerformerPose
 from capture.skeleton import LOST
 
 SAME_PLACE_METRES = 0.4
@@ -28,7 +28,7 @@ class _Performer:
     `sent` is the sender's number for them; None after the sender has lost them.
     """
 
-    pose: Pose
+    pose: PerformerPose
     time: float
     interval: float
     sent: int | None
@@ -43,7 +43,7 @@ class Identities:
     def __init__(self) -> None:
         self._performers: dict[int, _Performer] = {}
 
-    def user(self, sent: int, pose: Pose, time: float) -> int:
+    def user(self, sent: int, pose: PerformerPose, time: float) -> int:
         """Return the user number of the performer with a pose, which is now their last one.
 
         Parameters
@@ -89,7 +89,7 @@ class Identities:
     def _of(self, sent: int) -> int | None:
         return next((user for user, each in self._performers.items() if each.sent == sent), None)
 
-    def _at(self, pose: Pose, time: float, share: float = 0.0) -> int | None:
+    def _at(self, pose: PerformerPose, time: float, share: float = 0.0) -> int | None:
         """Return the performer who was last where a pose is, and sends no more for a share of their interval."""
         found = {
             user: _distance(each.pose, pose)
@@ -101,7 +101,7 @@ class Identities:
         return nearest if nearest is not None and found[nearest] < SAME_PLACE_METRES else None
 
 
-def _distance(one: Pose, other: Pose) -> float:
+def _distance(one: PerformerPose, other: PerformerPose) -> float:
     """Return the distance of the median joint that two poses know; infinite if there is none."""
     known = (one[1] > LOST) & (other[1] > LOST)
     ways: NDArray[np.float64] = (one[0] - other[0])[known]

@@ -10,7 +10,17 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from capture.network.dialect import Ignored, Pose, Reading, Units, Values, has_types, joint_part, kinect20, to_metres
+from capture.network.dialect import (
+    Ignored,
+    PerformerPose,
+    Reading,
+    Units,
+    Values,
+    has_types,
+    joint_part,
+    kinect20,
+    to_metres,
+)
 from capture.network.osc import Message
 from capture.skeleton import INFERRED, LOST
 
@@ -35,7 +45,7 @@ class KinectSDK:
             return joint_part(name, user, (x, y, z, confidence), time)
         return Ignored() if message.address in IGNORED else None
 
-    def pose(self, parts: Mapping[str, Values], units: Units | None) -> Pose:
+    def pose(self, parts: Mapping[str, Values], units: Units | None) -> PerformerPose:
         """Convert joints to a pose."""
         values = np.array(list(parts.values()))
         positions = to_metres(values[:, :3], units, "m")[0] * [1.0, -1.0, 1.0]

@@ -46,7 +46,7 @@ class NIMate:
             return dialect.joint_part(match["name"], int(match["before"] or match["after"] or 0), message.arguments[:3])
         return dialect.Ignored() if dialect.has_types(message, *WITHOUT_POSITION) else "wrong arguments"
 
-    def pose(self, parts: Mapping[str, dialect.Values], units: dialect.Units | None) -> dialect.Pose:
+    def pose(self, parts: Mapping[str, dialect.Values], units: dialect.Units | None) -> dialect.PerformerPose:
         """Convert joints to a pose; without `units`, the size of the numbers decides between metres and millimetres."""
         values = np.array(list(parts.values()))
         return dialect.kinect20(parts, dialect.to_metres(values, units, "m")[0] * TO_SENSOR_COORDINATES, TRACKED)

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from capture.network.dialect import Pose, Reading, Units, Values, has_types, joint_part, kinect20, to_metres
+from capture.network.dialect import PerformerPose, Reading, Units, Values, has_types, joint_part, kinect20, to_metres
 from capture.network.osc import Message
 from capture.skeleton import TRACKED
 
@@ -32,7 +32,7 @@ class Nuitrack:
             return joint_part(name, user, tuple(values))
         return None
 
-    def pose(self, parts: Mapping[str, Values], units: Units | None) -> Pose:
+    def pose(self, parts: Mapping[str, Values], units: Units | None) -> PerformerPose:
         """Convert joints to a pose; `units` are the units of depth."""
         values = np.array(list(parts.values()))
         depth = to_metres(values[:, 2:], units, "m")[0]

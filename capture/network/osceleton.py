@@ -62,7 +62,7 @@ class OSCeleton:
             return dialect.PerformerLost(user)
         return "wrong arguments"
 
-    def pose(self, parts: Mapping[str, dialect.Values], units: dialect.Units | None) -> dialect.Pose:
+    def pose(self, parts: Mapping[str, dialect.Values], units: dialect.Units | None) -> dialect.PerformerPose:
         """Convert joints to a pose; `units` "screen" or "mm" replaces the detection by size."""
         values = np.array([(*value, np.nan)[:3] for value in parts.values()])
         positions, found = dialect.to_metres(values, units, "screen")

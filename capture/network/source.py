@@ -19,7 +19,16 @@ from capture.formats.layouts import synthesise_missing
 from capture.network.address import ANY_SENDER, FIX, Address, parse
 from capture.network.assembly import PART_TIMEOUT_SECONDS, CompleteFrame, FrameAssembly
 from capture.network.channels import HeldChannels, read_channel
-from capture.network.dialect import AcceptedReading, ChannelValues, Dialect, FrameEnd, Part, PerformerLost, Pose, Values
+from capture.network.dialect import (
+    AcceptedReading,
+    ChannelValues,
+    Dialect,
+    FrameEnd,
+    Part,
+    PerformerLost,
+    PerformerPose,
+    Values,
+)
 from capture.network.frozen_joints import FrozenJoints
 from capture.network.identities import Identities
 from capture.network.kinect_sdk import KinectSDK
@@ -294,7 +303,7 @@ class OscSource:
         self._present.add(user)
         return SkeletonFrame(pending.time, user, positions, confidence, channels=self._channels.at(pending.time))
 
-    def _sensor_pose(self, dialect: Dialect, parts: Mapping[str, Values]) -> Pose:
+    def _sensor_pose(self, dialect: Dialect, parts: Mapping[str, Values]) -> PerformerPose:
         """Return the pose of a frame; joints that were not sent, or at exactly (0, 0, 0), are lost."""
         if dialect.sends_positions:
             parts = {name: values for name, values in parts.items() if any(values[:3])}

@@ -90,7 +90,7 @@ class Vmc:
         self._bones.clear()
         return dialect.PerformerLost(USER)
 
-    def pose(self, parts: Mapping[str, dialect.Values], units: dialect.Units | None) -> dialect.Pose:  # noqa: ARG002 - metres, by the protocol
+    def pose(self, parts: Mapping[str, dialect.Values], units: dialect.Units | None) -> dialect.PerformerPose:  # noqa: ARG002 - metres, by the protocol
         """Pose the bones of this frame and those received before."""
         bones = {**self._bones, **parts}
         root_position, root_rotation = _split(bones.get("Root", _ROOT))

@@ -11,7 +11,7 @@ from capture.formats import read_log
 from capture.fusion import fused_file
 from capture.fusion.alignment import align as align_clips
 from capture.fusion.source import Member
-from capture.pose import Pose
+from capture.sensor_pose import SensorPose
 from capture.sources.registry import is_recorded
 from capture.timeline import choose
 from puppetline.errors import SourceError
@@ -84,7 +84,7 @@ def align(logs: Sequence[Path], sources: Sequence[str], output: Path) -> list[Se
     folder = output.resolve().parent
     uris = sources or [f"replay:{Path(os.path.relpath(log.resolve(), folder)).as_posix()}" for log in logs]
     clips = [choose(read_log(log))[0] for log in logs]
-    members = [Member(uris[0], Pose(np.eye(3), np.zeros(3)))]
+    members = [Member(uris[0], SensorPose(np.eye(3), np.zeros(3)))]
     summaries = []
     for log, uri, clip in zip(logs[1:], uris[1:], clips[1:], strict=True):
         found = align_clips(clips[0], clip, f"{logs[0]} and {log}")

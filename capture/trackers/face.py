@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from capture.channels import SmoothedChannels
 from capture.libraries import load_module
-from capture.pose import Pose
+from capture.sensor_pose import SensorPose
 from puppetline.errors import SourceError
 
 FACE_CHANNELS = ("mouth_open", "mouth_wide", "smile", "blink_left", "blink_right", "brow_up")
@@ -101,7 +101,7 @@ def axes(landmarks: Floats, ray: Floats) -> Floats:
     back = np.cross(right, points[_FOREHEAD] - points[_CHIN])
     back /= np.linalg.norm(back)
     tilt, aside = np.degrees([-np.arcsin(ray[1] / np.linalg.norm(ray)), np.arctan2(ray[0], ray[2])])
-    to_head = Pose.of_degrees(float(tilt), float(aside), 0.0, np.zeros(3)).rotation
+    to_head = SensorPose.of_degrees(float(tilt), float(aside), 0.0, np.zeros(3)).rotation
     return np.asarray(to_head @ np.column_stack([right, np.cross(back, right), back]))
 
 

@@ -12,7 +12,7 @@ from PIL import Image
 from sphinx.application import Sphinx
 
 from engine_bridge.character.examples import prepare
-from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.prepared_character import load_prepared
 from engine_bridge.pictures.renderer import View, render
 
 CHARACTER = "human"
@@ -29,8 +29,8 @@ FIELDS = (0, 1, 3, 6)
 def draw(folder: Path) -> None:
     """Write the figures to a folder."""
     with tempfile.TemporaryDirectory() as temporary:
-        rig = load_rig(prepare(CHARACTER, Path(temporary))[1])
-    mesh, model = rig.mesh, rig.model
+        prepared = load_prepared(prepare(CHARACTER, Path(temporary))[1])
+    mesh, model = prepared.mesh, prepared.model
     view = View.around(mesh.vertices, 20.0, 8.0, SIZE)
 
     def write(name: str, colors: list[NDArray[np.float64]]) -> None:

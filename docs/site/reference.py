@@ -46,7 +46,7 @@ MODULES = {
     "Characters and files": (
         "engine_bridge.character.character",
         "engine_bridge.puppet.puppet_file",
-        "engine_bridge.performance.rig",
+        "engine_bridge.performance.prepared_character",
         "engine_bridge.performance.settings",
         "engine_bridge.performance.clip",
         "engine_bridge.performance.motion",

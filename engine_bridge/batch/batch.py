@@ -12,7 +12,7 @@ from engine_bridge.batch.identity import identity, performer_identity
 from engine_bridge.batch.recordings import Recording
 from engine_bridge.batch.store import Job, Record, Store
 from engine_bridge.batch.workers import convert_in_processes
-from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.prepared_character import load_prepared
 from puppetline.errors import PuppetError
 
 
@@ -77,7 +77,7 @@ def make_jobs(
         of_performers = performer_identity(batch.settings, batch.users, batch.ending)
         jobs = [Job(recording.name, recording.path, None, of_performers) for recording in recordings]
     for name, puppet in names.items():
-        of_puppet = identity(load_rig(puppet), batch.settings, batch.users)
+        of_puppet = identity(load_prepared(puppet), batch.settings, batch.users)
         for recording in recordings:
             jobs.append(Job(f"{name}/{recording.name}", recording.path, puppet.absolute(), of_puppet))
     return [job for job in jobs if shard is None or shard.has(job.name)]

@@ -16,7 +16,7 @@ from engine_bridge.batch.store import Job, Record, Store
 from engine_bridge.export.convert import Summary, convert_timeline
 from engine_bridge.export.performer.convert import PerformerSummary, convert_performer, upright_performers
 from engine_bridge.performance.clip import Clip, load_timeline, perform, timeline_of
-from engine_bridge.performance.rig import Rig, load_rig
+from engine_bridge.performance.prepared_character import PreparedCharacter, load_prepared
 from engine_bridge.performance.settings import PerformerFormat, Settings
 from puppetline.errors import OutputError, PuppetError, PuppetlineError, SkeletonLogError
 
@@ -119,7 +119,7 @@ def solve_again(row: Row, settings: Settings) -> Clip:
     """
     chosen = replace(settings, user=row.user)
     timeline, notes = load_timeline(Path(row.log), chosen)
-    return perform(load_rig(Path(row.puppet)), timeline, chosen, notes, lambda _stage, _share: None)
+    return perform(load_prepared(Path(row.puppet)), timeline, chosen, notes, lambda _stage, _share: None)
 
 
 class _Conversion:
@@ -236,18 +236,18 @@ def _failed(row: Row, error: Exception) -> Row:
 
 
 @lru_cache(maxsize=MAX_RIGS)
-def _loaded(puppet: Path, settings: Settings, users: str) -> tuple[Rig, str]:
+def _loaded(puppet: Path, settings: Settings, users: str) -> tuple[PreparedCharacter, str]:
     """Return a puppet with its prepared character, and its identity."""
-    rig = load_rig(puppet)
-    return rig, identity(rig, settings, users)
+    prepared = load_prepared(puppet)
+    return prepared, identity(prepared, settings, users)
 
 
-def _rig(job: Job, puppet: Path, batch: BatchSettings) -> Rig:
+def _rig(job: Job, puppet: Path, batch: BatchSettings) -> PreparedCharacter:
     """Return the prepared character of a job; raise an error if it is not the one that the batch began with."""
-    rig, found = _loaded(puppet, batch.settings, batch.users)
+    prepared, found = _loaded(puppet, batch.settings, batch.users)
     if found != job.identity:
         raise _changed(puppet)
-    return rig
+    return prepared
 
 
 def _changed(where: Path) -> PuppetError:

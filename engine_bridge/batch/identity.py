@@ -8,7 +8,7 @@ from typing import Any
 
 import puppetline
 from engine_bridge.character import cache
-from engine_bridge.performance.rig import Rig
+from engine_bridge.performance.prepared_character import PreparedCharacter
 from engine_bridge.performance.settings import Settings
 
 
@@ -54,7 +54,7 @@ class FileState:
             return False
 
 
-def identity(rig: Rig, settings: Settings, users: str) -> str:
+def identity(prepared: PreparedCharacter, settings: Settings, users: str) -> str:
     """Return a hash of all that determines a result apart from the recording.
 
     These are the character with all files that its mesh refers to, the values of the puppet file, the settings, and the
@@ -62,14 +62,16 @@ def identity(rig: Rig, settings: Settings, users: str) -> str:
 
     Parameters
     ----------
-    rig : Rig
+    prepared : PreparedCharacter
     settings : Settings
     users : str
         Which performers of a recording are converted.
     """
-    document = rig.character.document
+    document = prepared.character.document
     chosen = asdict(settings) | {"tolerance": settings.max_error, "users": users}
-    digest = hashlib.sha256(_text(chosen, puppetline.__version__, cache.VERSION, rig.puppet.model_dump(mode="json")))
+    digest = hashlib.sha256(
+        _text(chosen, puppetline.__version__, cache.VERSION, prepared.puppet.model_dump(mode="json"))
+    )
     digest.update(_text(document.gltf))
     digest.update(document.blob)
     return digest.hexdigest()

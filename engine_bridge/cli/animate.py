@@ -35,7 +35,7 @@ def animate(
     """
     from engine_bridge.export.convert import convert_timeline, describe
     from engine_bridge.performance.clip import load_timeline
-    from engine_bridge.performance.rig import make_rig
+    from engine_bridge.performance.prepared_character import make_prepared
     from engine_bridge.pictures import clip_sheet
     from engine_bridge.puppet import proposal, puppet_file
     from puppetline.files import check_new, check_writable
@@ -58,9 +58,9 @@ def animate(
         proposed = proposal.new_puppet(mesh, puppet_out or output, **body)
         if puppet_out is not None:
             puppet_file.dump(proposed.puppet, puppet_out, new.plan_text(proposed))
-        rig = make_rig(proposed.puppet, proposed.character)
+        prepared = make_prepared(proposed.puppet, proposed.character)
         report("Preparing the character", 1.0)
-        clip, summary = convert_timeline(rig, timeline, output, recording.stem, settings, notes, report)
+        clip, summary = convert_timeline(prepared, timeline, output, recording.stem, settings, notes, report)
         title = f"{mesh.stem} · {recording.stem}"
         clip_sheet.draw(clip, sheet, title, lambda share: report("Drawing", share), file=output)
     about = [*(f"  {line}" for line in new.describe(proposed)), new.check_line(proposed)]

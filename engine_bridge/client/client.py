@@ -15,7 +15,7 @@ from engine_bridge.client.connection import ADDRESS, check_name, subscriber, wit
 from engine_bridge.service.control.control_socket import request
 from engine_bridge.service.protocol.header import NO_USER, WireError, subscription
 from engine_bridge.service.protocol.payloads import Received, decode
-from engine_bridge.service.protocol.scene import Scene
+from engine_bridge.service.protocol.scene import DecodedScene
 from engine_bridge.service.states import STATES
 from puppetline import clock
 from puppetline.errors import ServiceError
@@ -103,7 +103,7 @@ class Client:
         (message,) = self._receive(["service/characters"], 1)
         return [each["name"] for each in message.body if isinstance(each, dict) and "name" in each]
 
-    def scene(self, character: str) -> Scene:
+    def scene(self, character: str) -> DecodedScene:
         """Return a character's mesh and what its frames refer to.
 
         Raises
@@ -113,7 +113,7 @@ class Client:
         """
         check_name("the scene", character)
         (message,) = self._receive([f"{character}/scene/{secrets.token_hex(8)}"], 1)
-        body: Scene = message.body
+        body: DecodedScene = message.body
         return body
 
     def follow(self, character: str, kind: FrameKind = "controls") -> Iterator[LiveFrame]:

@@ -22,7 +22,7 @@ from engine_bridge.export.morph_basis import MorphBasis
 from engine_bridge.performance.clip import Progress, load_timeline, reference_pose, solve
 from engine_bridge.performance.exercise import exercise
 from engine_bridge.performance.frame_store import FrameStore
-from engine_bridge.performance.rig import Rig, load_rig
+from engine_bridge.performance.prepared_character import PreparedCharacter, load_prepared
 from engine_bridge.performance.settings import Settings
 from puppetline.errors import PuppetError
 from puppetline.files import check_writable
@@ -116,15 +116,15 @@ def bake(
     check_writable(output, ".glb", inputs=(puppet, *logs))
     settings = Settings(tolerance=DEFAULT_TOLERANCE if tolerance is None else tolerance, targets=targets)
     progress("Preparing the character", 0.0)
-    rig = load_rig(puppet)
-    check_writable(output, ".glb", inputs=(Path(rig.character.document.name),))
+    prepared = load_prepared(puppet)
+    check_writable(output, ".glb", inputs=(Path(prepared.character.document.name),))
     progress("Preparing the character", 1.0)
     motion = (
-        recorded_motion(rig, logs, settings, progress)
+        recorded_motion(prepared, logs, settings, progress)
         if logs
-        else synthetic_motion(rig, tuple(performances()), settings, progress)
+        else synthetic_motion(prepared, tuple(performances()), settings, progress)
     )
-    basis = fit(rig, motion, settings, progress)
+    basis = fit(prepared, motion, settings, progress)
     if not len(basis.directions):
         raise PuppetError(
             puppet,
@@ -132,23 +132,25 @@ def bake(
             expected="joints that move its handles",
             fix="Assign joints to the handles, or bake from recordings in which the joints move.",
         )
-    write(rig, motion, basis, output)
-    live = LiveBasis(basis.directions.astype(np.float32), REACH, rig.model)
+    write(prepared, motion, basis, output)
+    live = LiveBasis(basis.directions.astype(np.float32), REACH, prepared.model)
     squares = [live.project(R).residual ** 2 for R in motion.frames]
     return BakeSummary(
         output=str(output),
         frames=len(motion.frames),
         targets=basis.unit_weights.count,
-        error=basis.error / float(rig.model.diagonal),
+        error=basis.error / float(prepared.model.diagonal),
         rms=float(np.sqrt(np.mean(squares))),
         tolerance=settings.max_error,
         bytes=output.stat().st_size,
-        repairs=tuple(rig.mesh.repairs.describe()),
-        notes=(*rig.character.document.notes, *motion.notes),
+        repairs=tuple(prepared.mesh.repairs.describe()),
+        notes=(*prepared.character.document.notes, *motion.notes),
     )
 
 
-def recorded_motion(rig: Rig, logs: Sequence[Path], settings: Settings, progress: Progress) -> FittedMotion:
+def recorded_motion(
+    prepared: PreparedCharacter, logs: Sequence[Path], settings: Settings, progress: Progress
+) -> FittedMotion:
     """Return the motion of some recordings.
 
     Raises
@@ -161,30 +163,32 @@ def recorded_motion(rig: Rig, logs: Sequence[Path], settings: Settings, progress
             timeline, notes = load_timeline(log, settings)
             yield log.stem, timeline, tuple(f"{log.name}: {note}" for note in notes)
 
-    motion = _play(rig, read(), len(logs), settings, progress)
-    _add_turned(rig, motion.frames)
+    motion = _play(prepared, read(), len(logs), settings, progress)
+    _add_turned(prepared, motion.frames)
     return motion
 
 
-def synthetic_motion(rig: Rig, names: Sequence[str], settings: Settings, progress: Progress) -> FittedMotion:
+def synthetic_motion(
+    prepared: PreparedCharacter, names: Sequence[str], settings: Settings, progress: Progress
+) -> FittedMotion:
     """Return the motion by some of the example motions, followed by an exercise of the handles."""
     timelines = {name: resample(performances()[name](), settings.fps, settings.max_gap) for name in names}
     clips = [(name, timeline, ()) for name, timeline in timelines.items()]
-    motion = _play(rig, clips, len(clips), settings, progress)
-    rest = reference_pose(rig.puppet, timelines[names[0]], settings)
-    for solved in exercise(rig, rest, CHUNK):
+    motion = _play(prepared, clips, len(clips), settings, progress)
+    rest = reference_pose(prepared.puppet, timelines[names[0]], settings)
+    for solved in exercise(prepared, rest, CHUNK):
         motion.frames.append(solved)
-    _add_turned(rig, motion.frames)
+    _add_turned(prepared, motion.frames)
     return motion
 
 
-def _add_turned(rig: Rig, frames: FrameStore) -> None:
+def _add_turned(prepared: PreparedCharacter, frames: FrameStore) -> None:
     """Add frames in which the whole character has turned about its trunk's root, if it turns with its performer."""
-    trunk = next((limb for limb in rig.puppet.limbs if limb.name == TRUNK), None)
-    if trunk is None or not rig.puppet.turns:
+    trunk = next((limb for limb in prepared.puppet.limbs if limb.name == TRUNK), None)
+    if trunk is None or not prepared.puppet.turns:
         return
-    middle = rig.model.to_model(np.array(trunk.points[:1]))
-    axis = np.radians(TURNS_DEGREES)[:, None] * rig.puppet.character.basis[1]
+    middle = prepared.model.to_model(np.array(trunk.points[:1]))
+    axis = np.radians(TURNS_DEGREES)[:, None] * prepared.puppet.character.basis[1]
     for start in range(0, len(frames), CHUNK):
         some = frames[start : start + CHUNK : TURNED_STEP].astype(np.float64)
         for turn in scipy.spatial.transform.Rotation.from_rotvec(axis).as_matrix():
@@ -194,14 +198,18 @@ def _add_turned(rig: Rig, frames: FrameStore) -> None:
 
 
 def _play(
-    rig: Rig, clips: Iterable[tuple[str, Timeline, tuple[str, ...]]], count: int, settings: Settings, progress: Progress
+    prepared: PreparedCharacter,
+    clips: Iterable[tuple[str, Timeline, tuple[str, ...]]],
+    count: int,
+    settings: Settings,
+    progress: Progress,
 ) -> FittedMotion:
     """Return the motion of `count` clips, each a name, a timeline and notes."""
-    frames = FrameStore(rig.model.rest_controls.shape)
+    frames = FrameStore(prepared.model.rest_controls.shape)
     shown: list[tuple[str, NDArray[np.float64], NDArray[np.float32]]] = []
     notes: list[str] = []
     for number, (name, timeline, about) in enumerate(clips):
-        solved = solve(rig, timeline, settings)
+        solved = solve(prepared, timeline, settings)
         for start in range(0, len(solved), CHUNK):
             frames.append(solved.R[start : start + CHUNK])
         if not shown:
@@ -213,21 +221,21 @@ def _play(
     return FittedMotion(frames, name, times.astype(np.float32), root, tuple(notes))
 
 
-def fit(rig: Rig, motion: FittedMotion, settings: Settings, progress: Progress) -> MorphBasis:
+def fit(prepared: PreparedCharacter, motion: FittedMotion, settings: Settings, progress: Progress) -> MorphBasis:
     """Fit a basis to motion, with weights that leave room for larger motion."""
-    return morph_basis.fit_rig(rig, motion.frames, settings, progress, REACH)
+    return morph_basis.fit_rig(prepared, motion.frames, settings, progress, REACH)
 
 
-def write(rig: Rig, motion: FittedMotion, basis: MorphBasis, output: Path) -> None:
+def write(prepared: PreparedCharacter, motion: FittedMotion, basis: MorphBasis, output: Path) -> None:
     """Write a character with a basis, and an animation of the start of the motion.
 
     Raises
     ------
     OutputError
     """
-    root = None if rig.puppet.root is None else motion.root
+    root = None if prepared.puppet.root is None else motion.root
     keyframes = Keyframes(motion.name, motion.times, basis.weights[: len(motion.times)], root)
-    displacements = morph_basis.displacements(rig.character, rig.mesh, rig.model, motion.frames, basis)
-    document = animate(rig.character, keyframes, displacements)
-    store_basis(document, basis.directions, REACH, rig.model)
+    displacements = morph_basis.displacements(prepared.character, prepared.mesh, prepared.model, motion.frames, basis)
+    document = animate(prepared.character, keyframes, displacements)
+    store_basis(document, basis.directions, REACH, prepared.model)
     document.save(output)

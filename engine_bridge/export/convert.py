@@ -11,7 +11,7 @@ from engine_bridge.character.evaluation import Evaluation
 from engine_bridge.export import frames_animation
 from engine_bridge.export.motion_export import export_motion
 from engine_bridge.performance.clip import Clip, Progress, load_timeline, perform
-from engine_bridge.performance.rig import Rig, load_rig
+from engine_bridge.performance.prepared_character import PreparedCharacter, load_prepared
 from engine_bridge.performance.settings import Form, Settings
 from puppetline.files import check_writable
 from solver.model.stretch import EdgeStretch
@@ -84,26 +84,26 @@ def write(clip: Clip, output: Path, name: str, settings: Settings, progress: Pro
         stretch_p99=p99,
         parts_apart=parts_apart,
         bytes=output.stat().st_size,
-        repairs=tuple(clip.motion.rig.mesh.repairs.describe()) if of_solver else (),
-        notes=(*clip.motion.rig.character.document.notes, *result.notes, *clip.notes),
+        repairs=tuple(clip.motion.prepared.mesh.repairs.describe()) if of_solver else (),
+        notes=(*clip.motion.prepared.character.document.notes, *result.notes, *clip.notes),
     )
 
 
 def _measured(clip: Clip, document: Document) -> tuple[tuple[float, ...], float | None]:
     """Return the edge stretch and the separation of parts of a clip, on the surface that a document shows."""
-    mesh = clip.motion.rig.mesh
+    mesh = clip.motion.prepared.mesh
     count = int(mesh.of_render.max()) + 1
     if count < len(mesh.vertices):  # it was refined, and the file's surface is coarse
-        faces = mesh.of_render[clip.motion.rig.character.triangles]
+        faces = mesh.of_render[clip.motion.prepared.character.triangles]
         distinct = np.diff(np.sort(faces, axis=1), axis=1).all(axis=1)
         mesh = SolverMesh(mesh.vertices[:count], faces[distinct], mesh.of_render)
     shown = np.empty(len(mesh.vertices), np.int64)  # a vertex of the file for each of the solver's
     shown[mesh.of_render] = np.arange(len(mesh.of_render))
     stretch, separation = EdgeStretch(mesh), PartSeparation(mesh) if mesh.parts > 1 else None
     times = clip.motion.times[:: -(-len(clip.motion) // MAX_MEASURED_FRAMES)]
-    for places in Evaluation(document, clip.motion.rig.character.parts).positions(times):
+    for places in Evaluation(document, clip.motion.prepared.character.parts).positions(times):
         # relative to the middle, where edge lengths are precise
-        vertices = (places[shown] - clip.motion.rig.model.center).astype(np.float32)[:, :, None]
+        vertices = (places[shown] - clip.motion.prepared.model.center).astype(np.float32)[:, :, None]
         stretch.add(vertices)
         if separation is not None:
             separation.add(vertices)
@@ -135,14 +135,14 @@ def convert(
     check_writable(output, ".glb", inputs=(log, puppet))
     timeline, notes = load_timeline(log, settings, animals=True)
     progress("Preparing the character", 0.0)
-    rig = load_rig(puppet)
-    check_writable(output, ".glb", inputs=(Path(rig.character.document.name),))
+    prepared = load_prepared(puppet)
+    check_writable(output, ".glb", inputs=(Path(prepared.character.document.name),))
     progress("Preparing the character", 1.0)
-    return convert_timeline(rig, timeline, output, log.stem, settings, notes, progress)
+    return convert_timeline(prepared, timeline, output, log.stem, settings, notes, progress)
 
 
 def convert_timeline(
-    rig: Rig,
+    prepared: PreparedCharacter,
     timeline: Timeline,
     output: Path,
     name: str,
@@ -154,7 +154,7 @@ def convert_timeline(
 
     Parameters
     ----------
-    rig : Rig
+    prepared : PreparedCharacter
     timeline : Timeline
     output : Path
     name : str
@@ -173,10 +173,10 @@ def convert_timeline(
     ------
     PuppetlineError
     """
-    settings = settings.for_puppet(rig.puppet)
+    settings = settings.for_puppet(prepared.puppet)
     if settings.form == "frames":
-        frames_animation.check_size(output, rig.character, len(timeline.positions), settings.fps)
-    clip = perform(rig, timeline, settings, notes, progress)
+        frames_animation.check_size(output, prepared.character, len(timeline.positions), settings.fps)
+    clip = perform(prepared, timeline, settings, notes, progress)
     return clip, write(clip, output, name, settings, progress)
 
 

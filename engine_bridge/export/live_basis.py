@@ -22,7 +22,7 @@ from engine_bridge.character.document_reader import load_document
 from engine_bridge.export.animation import target_names
 from engine_bridge.export.morph_basis import surface_coordinates
 from engine_bridge.export.unit_weights import UnitWeights
-from engine_bridge.performance.rig import Rig
+from engine_bridge.performance.prepared_character import PreparedCharacter
 from puppetline.compiled import compiled
 from puppetline.errors import PuppetError, at
 from solver.model.reduced_model import ReducedModel
@@ -100,7 +100,7 @@ class LiveBasis:
         self._surface = (surface_coordinates(model)[0] / np.sqrt(len(model.isoline_coordinates))).astype(np.float32)
 
     @classmethod
-    def load(cls, path: Path, rig: Rig) -> "LiveBasis":
+    def load(cls, path: Path, prepared: PreparedCharacter) -> "LiveBasis":
         """Read the basis from a file of `puppetline bake` for a character.
 
         Raises
@@ -110,15 +110,15 @@ class LiveBasis:
         PuppetError
             The file has no basis, a basis for another mesh or other solver settings, or one of an earlier version.
         """
-        directions, carried = _stored_basis(load_document(path), path, rig.model.rest_controls.shape)
+        directions, carried = _stored_basis(load_document(path), path, prepared.model.rest_controls.shape)
         lengths = np.array(carried.lengths[:-1]) / (2 * carried.reach)
-        metric = _metric(directions, _along(directions, rig.model))
+        metric = _metric(directions, _along(directions, prepared.model))
         with np.errstate(all="ignore"):  # NaN is not within the tolerance
             alike = np.abs(metric / np.outer(lengths, lengths) - np.eye(len(lengths))) <= LENGTH_TOLERANCE
         if not alike.all():
             raise _refused(str(path), "morph targets for another mesh", path)
-        basis = cls(directions, carried.reach, rig.model)
-        basis.project(rig.model.rest_controls)  # compiles, which would delay the first frame
+        basis = cls(directions, carried.reach, prepared.model)
+        basis.project(prepared.model.rest_controls)  # compiles, which would delay the first frame
         return basis
 
     def project(self, R: NDArray[np.floating]) -> Projection:

@@ -22,7 +22,7 @@ from engine_bridge.export.animation import Displacements
 from engine_bridge.export.normals import FRAMES_PER_CHUNK, TurningNormals
 from engine_bridge.export.unit_weights import UnitWeights
 from engine_bridge.performance.frame_store import Frames, evenly
-from engine_bridge.performance.rig import Rig
+from engine_bridge.performance.prepared_character import PreparedCharacter
 from engine_bridge.performance.settings import Settings
 from solver.model.batch import MAX_BATCH_FRAMES as CHUNK
 from solver.model.batch import BatchBinding
@@ -119,13 +119,17 @@ def fit(
 
 
 def fit_rig(
-    rig: Rig, frames: Frames, settings: Settings, progress: Callable[[str, float], None], reach: float | None = None
+    prepared: PreparedCharacter,
+    frames: Frames,
+    settings: Settings,
+    progress: Callable[[str, float], None],
+    reach: float | None = None,
 ) -> MorphBasis:
     """Fit a basis to frames of a character as `fit` does, with the settings' tolerance and number of targets."""
-    binding, limit = BatchBinding.of_solver_mesh(rig.model, rig.mesh), settings.targets
+    binding, limit = BatchBinding.of_solver_mesh(prepared.model, prepared.mesh), settings.targets
     fitting = partial(progress, "Fitting morph targets")
     return fit(
-        rig.model, binding, frames, tolerance=settings.max_error, max_targets=limit, reach=reach, progress=fitting
+        prepared.model, binding, frames, tolerance=settings.max_error, max_targets=limit, reach=reach, progress=fitting
     )
 
 

@@ -32,7 +32,7 @@ def export_motion(
         Animated document.
     result : ExportResult
     """
-    form = settings.for_puppet(motion.rig.puppet).form
+    form = settings.for_puppet(motion.prepared.puppet).form
     if form == "rig":
         no_weights = np.zeros((len(motion.R), 0), dtype=np.float32)
         return export_rig(motion, _keyframes(motion, name, no_weights), settings, progress)
@@ -40,24 +40,24 @@ def export_motion(
 
 
 def _keyframes(motion: SolvedMotion, name: str, weights: NDArray[np.float32]) -> Keyframes:
-    root = None if motion.rig.puppet.root is None else motion.root[:]
-    own = morph_weights(motion.rig.puppet, motion.channels)
+    root = None if motion.prepared.puppet.root is None else motion.root[:]
+    own = morph_weights(motion.prepared.puppet, motion.channels)
     return Keyframes(name, motion.times.astype(np.float32), weights, root, own)
 
 
 def _as_morph(motion: SolvedMotion, name: str, settings: Settings, progress: Progress) -> tuple[Document, ExportResult]:
-    rig = motion.rig
-    basis = morph_basis.fit_rig(rig, motion.R, settings, progress)
-    displacements = morph_basis.displacements(rig.character, rig.mesh, rig.model, motion.R, basis)
+    prepared = motion.prepared
+    basis = morph_basis.fit_rig(prepared, motion.R, settings, progress)
+    displacements = morph_basis.displacements(prepared.character, prepared.mesh, prepared.model, motion.R, basis)
     keyframes = _keyframes(motion, name, basis.weights)
-    document = animate(rig.character, keyframes, displacements)
-    return document, ExportResult(error=basis.error / float(rig.model.diagonal), targets=basis.unit_weights.count)
+    document = animate(prepared.character, keyframes, displacements)
+    return document, ExportResult(error=basis.error / float(prepared.model.diagonal), targets=basis.unit_weights.count)
 
 
 def _as_frames(motion: SolvedMotion, name: str, progress: Progress) -> tuple[Document, ExportResult]:
-    rig, count = motion.rig, len(motion.R)
-    displacements = frames_animation.displacements(rig.character, rig.mesh, rig.model, motion.R)
+    prepared, count = motion.prepared, len(motion.R)
+    displacements = frames_animation.displacements(prepared.character, prepared.mesh, prepared.model, motion.R)
     progress("Making keyframes", 1.0)
     keyframes = _keyframes(motion, name, np.eye(count, dtype=np.float32))  # hat functions with linear interpolation
-    document = animate(rig.character, keyframes, displacements)
+    document = animate(prepared.character, keyframes, displacements)
     return document, ExportResult(error=0.0, targets=count)

@@ -9,7 +9,7 @@ from engine_bridge.character.evaluation import Evaluation
 from engine_bridge.export.animation import Keyframes
 from engine_bridge.export.rig_animation import animate_rig
 from engine_bridge.performance.exercise import random_poses
-from engine_bridge.performance.rig import Rig
+from engine_bridge.performance.prepared_character import PreparedCharacter
 from engine_bridge.puppet.rig_bones import RigBones, nearest_bones, own_bones
 from puppetline.errors import MeshError
 from solver.model.binding import Binding
@@ -62,48 +62,48 @@ class OwnSkeleton:
         )
 
 
-_FOUND: WeakKeyDictionary[Rig, OwnSkeleton] = WeakKeyDictionary()
+_FOUND: WeakKeyDictionary[PreparedCharacter, OwnSkeleton] = WeakKeyDictionary()
 """Skeletons that were judged, for the next clips of the same characters."""
 
 
-def own_skeleton(rig: Rig) -> OwnSkeleton:
-    """Judge the skeleton in a character's file by random poses of the puppet, once for each rig.
+def own_skeleton(prepared: PreparedCharacter) -> OwnSkeleton:
+    """Judge the skeleton in a character's file by random poses of the puppet, once for each prepared character.
 
     The file is animated with the poses and evaluated. In each pose, the vertices nearest to a limb have a distance from
     where the solver has them, and from where they would be if the limb did not bend.
     """
-    if rig not in _FOUND:
-        bones, mapping = own_bones(rig.character, rig.puppet), rig.puppet.mapping
+    if prepared not in _FOUND:
+        bones, mapping = own_bones(prepared.character, prepared.puppet), prepared.puppet.mapping
         moving = np.asarray(mapping.axes.any(axis=1) & mapping.matrix.any(axis=1))
-        handles = tuple(handle.name for handle, moves in zip(rig.puppet.handle, moving, strict=True) if moves)
-        _FOUND[rig] = OwnSkeleton(None) if bones is None else _judged(rig, bones, handles)
-    return _FOUND[rig]
+        handles = tuple(handle.name for handle, moves in zip(prepared.puppet.handle, moving, strict=True) if moves)
+        _FOUND[prepared] = OwnSkeleton(None) if bones is None else _judged(prepared, bones, handles)
+    return _FOUND[prepared]
 
 
-def _judged(rig: Rig, bones: RigBones, handles: tuple[str, ...]) -> OwnSkeleton:
+def _judged(prepared: PreparedCharacter, bones: RigBones, handles: tuple[str, ...]) -> OwnSkeleton:
     """Return a file's skeleton with what it would not move, and why; `handles` are the names of handles that move."""
     try:
-        unmoved = _unmoved(rig, bones)
+        unmoved = _unmoved(prepared, bones)
     except MeshError as error:  # of a joint that cannot be animated
-        return OwnSkeleton(bones, (*bone_ranges(rig.puppet.limbs), *handles), f": it has {error.found}")
+        return OwnSkeleton(bones, (*bone_ranges(prepared.puppet.limbs), *handles), f": it has {error.found}")
     missing = [name for name in unmoved if name in bones.missing]
     return OwnSkeleton(bones, unmoved + handles, f": no joint is along {', '.join(missing)}" if missing else "")
 
 
-def _unmoved(rig: Rig, own: RigBones) -> tuple[str, ...]:
+def _unmoved(prepared: PreparedCharacter, own: RigBones) -> tuple[str, ...]:
     """Return the names of the limbs whose root mean square distance is too large a share of their motion."""
-    controls, motions = random_poses(rig, POSES, handles=False)
+    controls, motions = random_poses(prepared, POSES, handles=False)
     times = np.arange(POSES, dtype=np.float32)
     keyframes = Keyframes("poses", times, np.zeros((POSES, 0), np.float32), None)
-    document, _ = animate_rig(rig.character.document, keyframes, own, motions.astype(np.float32))
-    binding = Binding.of_solver_mesh(rig.model, rig.mesh)
-    bones, ranges = bones_of(rig.puppet.limbs), bone_ranges(rig.puppet.limbs)
-    rest = rig.character.vertices
+    document, _ = animate_rig(prepared.character.document, keyframes, own, motions.astype(np.float32))
+    binding = Binding.of_solver_mesh(prepared.model, prepared.mesh)
+    bones, ranges = bones_of(prepared.puppet.limbs), bone_ranges(prepared.puppet.limbs)
+    rest = prepared.character.vertices
     nearest = nearest_bones(rest, bones)
     of_limbs = {name: np.isin(nearest, numbers) for name, numbers in ranges.items()}
     missed, moved = dict.fromkeys(ranges, 0.0), dict.fromkeys(ranges, 0.0)
-    for pose, shown in enumerate(Evaluation(document, rig.character.parts).positions(times)):
-        solved = binding.vertices(to_file_units(controls[pose], rig.model))[rig.mesh.of_render]
+    for pose, shown in enumerate(Evaluation(document, prepared.character.parts).positions(times)):
+        solved = binding.vertices(to_file_units(controls[pose], prepared.model))[prepared.mesh.of_render]
         for name, chosen in of_limbs.items():
             parent = bones.parents[ranges[name].start]
             held = rest[chosen]
@@ -112,7 +112,7 @@ def _unmoved(rig: Rig, own: RigBones) -> tuple[str, ...]:
             missed[name] += float(np.square(shown[chosen] - solved[chosen]).sum())
             moved[name] += float(np.square(solved[chosen] - held).sum())
     counts = {name: POSES * max(int(chosen.sum()), 1) for name, chosen in of_limbs.items()}
-    least = (MIN_MOTION * float(rig.model.diagonal)) ** 2
+    least = (MIN_MOTION * float(prepared.model.diagonal)) ** 2
     return tuple(
         name
         for name in ranges

@@ -38,14 +38,14 @@ def export_rig(
     settings : Settings
     progress : callable
     """
-    own = own_skeleton(motion.rig) if settings.keep_skin else OwnSkeleton(None)
+    own = own_skeleton(motion.prepared) if settings.keep_skin else OwnSkeleton(None)
     if own.usable is not None:
         document, result = _of_own(motion, keyframes, own.usable)
     else:
         document, result = _of_made(motion, keyframes, progress)
         result = replace(result, notes=(*own.notes, *result.notes))
     if settings.max_error and document.gltf["animations"]:
-        diagonal = float(motion.rig.model.diagonal)
+        diagonal = float(motion.prepared.model.diagonal)
         count, more = thin_motion(document, settings.max_error * diagonal)
         result = replace(result, keyframes=count, error=result.error + more / diagonal)
     progress("Turning joints", 1.0)
@@ -54,9 +54,9 @@ def export_rig(
 
 def _of_own(motion: SolvedMotion, keyframes: Keyframes, bones: RigBones) -> tuple[Document, ExportResult]:
     """Animate the file's own skeleton."""
-    document, moved = animate_rig(motion.rig.character.document, keyframes, bones, motion.bones)
+    document, moved = animate_rig(motion.prepared.character.document, keyframes, bones, motion.bones)
     if keyframes.own:
-        hold_targets(document, keyframes, motion.rig.character)
+        hold_targets(document, keyframes, motion.prepared.character)
     channels = motion.channels
     if channels and document.gltf["animations"]:
         bend_fingers(document, channels)
@@ -77,17 +77,17 @@ def _of_own(motion: SolvedMotion, keyframes: Keyframes, bones: RigBones) -> tupl
 
 def _of_made(motion: SolvedMotion, keyframes: Keyframes, progress: Progress) -> tuple[Document, ExportResult]:
     """Rig the character, and animate the rig."""
-    rig = motion.rig
-    made = made_rig(rig, lambda share: progress("Fitting skin weights", share))
-    rigged, nodes, notes = rigged_document(rig.character, made, rig.mesh.of_render)
+    prepared = motion.prepared
+    made = made_rig(prepared, lambda share: progress("Fitting skin weights", share))
+    rigged, nodes, notes = rigged_document(prepared.character, made, prepared.mesh.of_render)
     motions = motion.bones[:]
-    if rig.puppet.handle:
-        motions = with_handles(rig, motion.R[:], motions).astype(np.float32)
+    if prepared.puppet.handle:
+        motions = with_handles(prepared, motion.R[:], motions).astype(np.float32)
     document, moved = animate_rig(rigged, keyframes, bones_of_joints(made.skeleton, nodes, motions.shape[1]), motions)
-    hold_targets(document, keyframes, rig.character)
+    hold_targets(document, keyframes, prepared.character)
     stride = -(-len(motions) // MAX_COMPARED_FRAMES)
     of_bones = Weights(made.weights.weights, made.skeleton.bones[made.weights.bones].astype(np.uint16))
-    rms, error = distances(rig, of_bones, rig.mesh.vertices, motion.R[::stride], motions[::stride])
+    rms, error = distances(prepared, of_bones, prepared.mesh.vertices, motion.R[::stride], motions[::stride])
     return document, _result(motion, moved, error, rms, notes)
 
 
@@ -95,7 +95,7 @@ def _result(
     motion: SolvedMotion, moved: RigAnimation, error: float, rms: float | None, notes: Sequence[str]
 ) -> ExportResult:
     """Return the numbers of an animation, whose joints may be away from where their bones take them."""
-    error += moved.error / float(motion.rig.model.diagonal)
+    error += moved.error / float(motion.prepared.model.diagonal)
     return ExportResult(error, rms, 0, moved.animated, moved.following, len(motion.R), tuple(notes))
 
 

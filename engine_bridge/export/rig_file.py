@@ -9,8 +9,7 @@ from engine_bridge.character.character import CHARACTER_FILES
 from engine_bridge.character.document import Document
 from engine_bridge.export.own_skeleton import OwnSkeleton, own_skeleton
 from engine_bridge.performance.clip import Progress
-from engine_bridge.performance.rig import Rig, load_rig
-from engine_bridge.performance.rig import make_rig as prepared
+from engine_bridge.performance.prepared_character import PreparedCharacter, load_prepared, make_prepared
 from engine_bridge.puppet.rig_bones import RigBones
 from engine_bridge.rigging.file_joints import humanoid_joints
 from engine_bridge.rigging.made_rig import make_rig
@@ -81,28 +80,28 @@ def write_rig(
     """
     check_writable(output, ".glb", inputs=(source,))
     progress("Preparing the character", 0.0)
-    rig, notes = load_rig_of(source, output)
-    check_writable(output, ".glb", inputs=(Path(rig.character.document.name),))
+    prepared, notes = load_prepared_of(source, output)
+    check_writable(output, ".glb", inputs=(Path(prepared.character.document.name),))
     progress("Preparing the character", 1.0)
-    wanted = settings.keep_skin and settings.pose == "rest" and bool(rig.character.document.gltf["skins"])
-    own = own_skeleton(rig) if wanted else OwnSkeleton(None)
+    wanted = settings.keep_skin and settings.pose == "rest" and bool(prepared.character.document.gltf["skins"])
+    own = own_skeleton(prepared) if wanted else OwnSkeleton(None)
     if own.usable is not None:
-        document = rig.character.document.copy()
-        names = _rename_own(document, rig, own.usable, settings.names)
+        document = prepared.character.document.copy()
+        names = _rename_own(document, prepared, own.usable, settings.names)
         notes += ("The file keeps its own skeleton and weights. For new ones, use --new-skin.",)
         rms = error = None
     else:
         fitting = partial(progress, "Fitting skin weights")
-        made = make_rig(rig, in_t_pose=settings.pose == "t", influences=settings.influences, progress=fitting)
-        document, nodes, more = rigged_document(rig.character, made, rig.mesh.of_render)
+        made = make_rig(prepared, in_t_pose=settings.pose == "t", influences=settings.influences, progress=fitting)
+        document, nodes, more = rigged_document(prepared.character, made, prepared.mesh.of_render)
         names, rms, error = rename(document, nodes, settings.names), made.rms, made.error
         notes += (*own.notes, *more)
     document.save(output)
-    notes = (*rig.character.document.notes, *notes)
+    notes = (*prepared.character.document.notes, *notes)
     return RigSummary(str(output), names, own.usable is not None, rms, error, output.stat().st_size, notes)
 
 
-def load_rig_of(source: Path, output: Path) -> tuple[Rig, tuple[str, ...]]:
+def load_prepared_of(source: Path, output: Path) -> tuple[PreparedCharacter, tuple[str, ...]]:
     """Load a puppet file and its character, or propose limbs for a mesh.
 
     Parameters
@@ -114,7 +113,7 @@ def load_rig_of(source: Path, output: Path) -> tuple[Rig, tuple[str, ...]]:
 
     Returns
     -------
-    rig : Rig
+    prepared : PreparedCharacter
     notes : tuple of str
         Sentences about what was assumed, or is unclear.
 
@@ -123,7 +122,7 @@ def load_rig_of(source: Path, output: Path) -> tuple[Rig, tuple[str, ...]]:
     PuppetlineError
     """
     if source.suffix.lower() not in CHARACTER_FILES:
-        return load_rig(source), ()
+        return load_prepared(source), ()
     from engine_bridge.puppet.proposal import new_puppet  # importing it takes a while
 
     proposal = new_puppet(source, output)
@@ -135,8 +134,8 @@ def load_rig_of(source: Path, output: Path) -> tuple[Rig, tuple[str, ...]]:
             fix="Give the tips of its limbs: puppetline new MESH -o PUPPET.toml --limb 'left leg=X,Y,Z' "
             "--limb 'right leg=X,Y,Z'. Then rig the puppet file.",
         )
-    rig = prepared(proposal.puppet, proposal.character)
-    return rig, (*proposal.assumed, *proposal.notes)
+    prepared = make_prepared(proposal.puppet, proposal.character)
+    return prepared, (*proposal.assumed, *proposal.notes)
 
 
 def rename(document: Document, nodes: list[int], scheme: Scheme | None) -> tuple[str, ...]:
@@ -148,10 +147,12 @@ def rename(document: Document, nodes: list[int], scheme: Scheme | None) -> tuple
     return tuple(document.gltf["nodes"][node]["name"] for node in nodes)
 
 
-def _rename_own(document: Document, rig: Rig, own: RigBones, scheme: Scheme | None) -> tuple[str, ...]:
+def _rename_own(
+    document: Document, prepared: PreparedCharacter, own: RigBones, scheme: Scheme | None
+) -> tuple[str, ...]:
     """Rename the joints of the file's own skeleton that are those of a humanoid; return the names of all joints."""
     nodes = document.gltf["nodes"]
-    for name, node in (humanoid_joints(rig, own) if scheme is not None else {}).items():
+    for name, node in (humanoid_joints(prepared, own) if scheme is not None else {}).items():
         nodes[node]["name"] = NAMES[scheme or "vrm"][name]
     joints = dict.fromkeys(node for skin in document.gltf["skins"] for node in skin["joints"])
     return tuple(nodes[node].get("name", f"node {node}") for node in joints)

@@ -12,7 +12,7 @@ import numpy as np
 
 from engine_bridge.character.materials import drawn_normals
 from engine_bridge.export.flattened import flatten
-from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.prepared_character import load_prepared
 from puppetline.errors import PuppetError, at
 from puppetline.files import check_writable
 
@@ -46,9 +46,9 @@ def write_shader_mesh(puppet: Path, output: Path) -> ShaderMeshSummary:
         Before anything is written.
     """
     check_writable(output, ".glb", inputs=(puppet,))
-    rig = load_rig(puppet)
-    check_writable(output, ".glb", inputs=(Path(rig.character.document.name),))
-    isoline_coordinates = rig.model.isoline_coordinates[rig.mesh.of_render]
+    prepared = load_prepared(puppet)
+    check_writable(output, ".glb", inputs=(Path(prepared.character.document.name),))
+    isoline_coordinates = prepared.model.isoline_coordinates[prepared.mesh.of_render]
     count, fields = isoline_coordinates.shape
     if fields > MAX_FIELDS:
         raise PuppetError(
@@ -61,14 +61,14 @@ def write_shader_mesh(puppet: Path, output: Path) -> ShaderMeshSummary:
     coordinates[:, :fields] = isoline_coordinates
     numbers = np.column_stack([np.arange(count), np.zeros(count)]).astype(np.float32)
     sets = [*np.split(coordinates, MAX_FIELDS // 2, axis=1), numbers]
-    document = flatten(rig.character, drawn_normals(rig.character), sets)
+    document = flatten(prepared.character, drawn_normals(prepared.character), sets)
     document.save(output)
     return ShaderMeshSummary(
         output=str(output),
         vertices=count,
-        triangles=len(rig.character.triangles),
-        surfaces=len(rig.character.parts),
+        triangles=len(prepared.character.triangles),
+        surfaces=len(prepared.character.parts),
         fields=fields,
         bytes=output.stat().st_size,
-        notes=tuple(rig.character.document.notes),
+        notes=tuple(prepared.character.document.notes),
     )

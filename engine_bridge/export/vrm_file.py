@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from engine_bridge.export.rig_file import RigSettings, RigSummary, load_rig_of, rename
+from engine_bridge.export.rig_file import RigSettings, RigSummary, load_prepared_of, rename
 from engine_bridge.export.vrm import add_vrm, humanoid_rows, upright
 from engine_bridge.performance.clip import Progress
 from engine_bridge.puppet.puppet import VrmTable
@@ -51,26 +51,26 @@ def write_vrm(
     """
     check_writable(output, VRM_ENDING, inputs=(source,))
     progress("Preparing the character", 0.0)
-    rig, notes = load_rig_of(source, output)
-    check_writable(output, VRM_ENDING, inputs=(Path(rig.character.document.name),))
-    rows = humanoid_rows(Skeleton.along_bones(rig.puppet).joints, source)
-    stated = statement(rig.puppet.vrm, given, source)
+    prepared, notes = load_prepared_of(source, output)
+    check_writable(output, VRM_ENDING, inputs=(Path(prepared.character.document.name),))
+    rows = humanoid_rows(Skeleton.along_bones(prepared.puppet).joints, source)
+    stated = statement(prepared.puppet.vrm, given, source)
     progress("Preparing the character", 1.0)
     fitting = partial(progress, "Fitting skin weights")
-    made = make_rig(rig, in_t_pose=True, influences=settings.influences, progress=fitting)
-    table, joints = rig.puppet.character, made.skeleton.joints
-    surface = rig.mesh.vertices if made.bind is None else made.bind.vertices(rig.mesh.vertices)
+    made = make_rig(prepared, in_t_pose=True, influences=settings.influences, progress=fitting)
+    table, joints = prepared.puppet.character, made.skeleton.joints
+    surface = prepared.mesh.vertices if made.bind is None else made.bind.vertices(prepared.mesh.vertices)
     floor = float((surface @ table.basis[1]).min())
     placed = upright(table.basis, table.scale, joints[rows["hips"]].head, floor)
     axes = np.tile(table.basis.T, (len(joints), 1, 1))
     made = replace(made, skeleton=replace(made.skeleton, axes=axes))
-    document, nodes, more = rigged_document(rig.character, made, rig.mesh.of_render, placed)
+    document, nodes, more = rigged_document(prepared.character, made, prepared.mesh.of_render, placed)
     head = joints[rows["head"]]
     bones = {bone: nodes[row] for bone, row in rows.items()}
     add_vrm(document.gltf, bones, placed[:3, :3] @ (head.tail - head.head), stated)
     names = rename(document, nodes, settings.names)
     document.save(output)
-    notes = (*rig.character.document.notes, *notes, *more)
+    notes = (*prepared.character.document.notes, *notes, *more)
     return RigSummary(str(output), names, False, made.rms, made.error, output.stat().st_size, notes)
 
 

@@ -12,7 +12,7 @@ from engine_bridge.performance.character_motion import CharacterMotion
 from engine_bridge.performance.grounding import stands
 from engine_bridge.performance.motion import SolvedMotion
 from engine_bridge.performance.pose import Pose, between, difference_of, smoothstep
-from engine_bridge.performance.rig import Rig
+from engine_bridge.performance.prepared_character import PreparedCharacter
 
 SETTLING_STEPS = 12
 """Number of times that the first frame of a cross-fade is solved, because the solver starts from the rest pose."""
@@ -26,7 +26,7 @@ class Actor:
     table : CharacterTable
     home : Place
         Where it stands without a take.
-    rig : Rig
+    prepared : PreparedCharacter
     footing : Footing
     segments : sequence of Segment
         In the order of their beginnings.
@@ -36,19 +36,24 @@ class Actor:
     name : str
     color : str or None
         By which its own colours are multiplied.
-    rig : Rig
+    prepared : PreparedCharacter
     footing : Footing
     """
 
     def __init__(
-        self, table: CharacterTable, home: Place, rig: Rig, footing: Footing, segments: Sequence[Segment]
+        self,
+        table: CharacterTable,
+        home: Place,
+        prepared: PreparedCharacter,
+        footing: Footing,
+        segments: Sequence[Segment],
     ) -> None:
-        self.name, self.color, self.home, self.rig, self.footing = table.name, table.color, home, rig, footing
+        self.name, self.color, self.home, self.prepared, self.footing = table.name, table.color, home, prepared, footing
         self.segments = segments
         self._begins = np.array([segment.begin for segment in segments])
-        self._motion = CharacterMotion(rig)
-        rest, R = self._motion.at_rest, rig.model.rest_controls.astype(np.float32)
-        self._at_rest = Pose(rest.targets, rest.bones, rest.root, R, rig.model)
+        self._motion = CharacterMotion(prepared)
+        rest, R = self._motion.at_rest, prepared.model.rest_controls.astype(np.float32)
+        self._at_rest = Pose(rest.targets, rest.bones, rest.root, R, prepared.model)
         self._fades = {
             number: self._faded(segments[number - 1], segments[number])
             for number in range(1, len(segments))
@@ -58,7 +63,7 @@ class Actor:
     @property
     def stands(self) -> bool:
         """Whether its feet are held on the floor."""
-        return stands(self.rig.puppet)
+        return stands(self.prepared.puppet)
 
     def _number_at(self, frame: int) -> int:
         """Return the number of the segment that is played at a frame, with its cross-fade; −1 without any segment."""
@@ -99,7 +104,7 @@ class Actor:
 
     def _faded(self, before: Segment, after: Segment) -> SolvedMotion:
         """Solve the frames of a cross-fade, in which each bone turns the shortest way relative to its parent."""
-        bones, fade, apart = self.rig.model.bones, SolvedMotion(self.rig, after.motion.fps), None
+        bones, fade, apart = self.prepared.model.bones, SolvedMotion(self.prepared, after.motion.fps), None
         for k in range(after.fade):
             start, end = before.pose(after.begin + k), after.pose(after.begin + k)
             apart = difference_of(bones, end, start) if apart is None else apart

@@ -17,7 +17,7 @@ from engine_bridge.film.scene import DEFAULT_SET, Scene
 from engine_bridge.film.sets import SETS, panorama
 from engine_bridge.pictures.camera import Camera
 from engine_bridge.pictures.gpu_renderer import GpuRenderer
-from engine_bridge.pictures.gpu_scene import Overlay, Panorama, Stage, Surroundings
+from engine_bridge.pictures.gpu_scene import Overlay, Panorama, StageExtent, Surroundings
 
 if TYPE_CHECKING:
     import moderngl
@@ -77,7 +77,7 @@ class Canvas:
     def __exit__(self, *_: object) -> None:
         self.renderer.__exit__()
 
-    def add(self, stage: Stage, characters: Characters) -> None:
+    def add(self, stage: StageExtent, characters: Characters) -> None:
         """Set the space of all motion, and the characters."""
         self._stage = stage
         self._surfaces = [self.renderer.add(*each) for each in characters]

@@ -199,7 +199,7 @@ class _Frames:
 
     Attributes
     ----------
-    stage : Stage
+    stage : StageExtent
         The space of all motion.
     characters : list of (parts, materials)
         What `Canvas.add` takes.
@@ -212,7 +212,7 @@ class _Frames:
         self._plan = FilmPlan(production, extents, bubbles, size)
         self.stage = production.stage(extents)
         self._surfaces = [_Surface(actor) for actor in production.actors]
-        self.characters = [(actor.rig.character.parts, _materials(actor)) for actor in production.actors]
+        self.characters = [(actor.prepared.character.parts, _materials(actor)) for actor in production.actors]
         self._titles: dict[int, NDArray[np.uint8]] = {}
 
     def __getitem__(self, frame: int) -> ShownFrame:
@@ -247,23 +247,23 @@ class _Surface:
     """The surface of an actor."""
 
     def __init__(self, actor: Actor) -> None:
-        character, rig = actor.rig.character, actor.rig
+        character, prepared = actor.prepared.character, actor.prepared
         self._actor = actor
         self._binding = ShadedBinding(
-            rig.model, character.vertices, rig.mesh.of_render, drawn_normals(character), character.triangles
+            prepared.model, character.vertices, prepared.mesh.of_render, drawn_normals(character), character.triangles
         )
         self._rest = self._binding.rest
-        names = {morph.target for morph in rig.puppet.morph}
+        names = {morph.target for morph in prepared.puppet.morph}
         self._targets = {name: own_targets.displacements(character, name) for name in names}
 
     def at(self, frame: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return the positions and unit normals (n, 3) on the stage at a frame."""
         actor = self._actor
         pose = actor.pose(frame)
-        controls = to_file_units(pose.R, actor.rig.model)
+        controls = to_file_units(pose.R, actor.prepared.model)
         values = {name: np.array([value], np.float32) for name, value in (pose.channels or {}).items()}
         self._binding.rest = self._rest
-        for name, (weight,) in morph_weights(actor.rig.puppet, values).items():
+        for name, (weight,) in morph_weights(actor.prepared.puppet, values).items():
             self._binding.rest = self._binding.rest + weight * self._targets[name]
         vertices, normals = self._binding.vertices_and_normals(controls)
         linear = actor.to_stage(frame).astype(np.float32)
@@ -273,4 +273,6 @@ class _Surface:
 def _materials(actor: Actor) -> list[Appearance]:
     """Return the materials of an actor's parts, in its colour."""
     red, green, blue = srgb_to_linear(np.array(ImageColor.getrgb(actor.color or "white")[:3]) / 255).tolist()
-    return [replace(each, color=each.color * (red, green, blue, 1.0)) for each in materials_of(actor.rig.character)]
+    return [
+        replace(each, color=each.color * (red, green, blue, 1.0)) for each in materials_of(actor.prepared.character)
+    ]

@@ -56,10 +56,10 @@ def make_document(path: Path, output: Path, progress: Progress) -> FilmSummary:
     animation: Animation = {"name": path.stem, "channels": [], "samplers": []}
     notes = list(production.notes)
     for actor in production.actors:
-        settings = Settings(fps=production.fps).for_puppet(actor.rig.puppet)
+        settings = Settings(fps=production.fps).for_puppet(actor.prepared.puppet)
         document, result = export_motion(_motion(actor, production), path.stem, settings, progress)
         notes += [f"{actor.name}: {note}" for note in result.notes]
-        before = len(actor.rig.character.document.gltf["animations"])
+        before = len(actor.prepared.character.document.gltf["animations"])
         drop_animations(document, len(document.gltf["animations"]) - before)
         top, moved = merge(film, document)
         for each in moved:
@@ -85,7 +85,7 @@ def make_document(path: Path, output: Path, progress: Progress) -> FilmSummary:
 
 def _motion(actor: Actor, production: Production) -> SolvedMotion:
     """Return the motion of an actor in the whole film."""
-    motion = SolvedMotion(actor.rig, production.fps)
+    motion = SolvedMotion(actor.prepared, production.fps)
     for frame in range(production.frames):
         motion.append(actor.pose(frame))
     return motion

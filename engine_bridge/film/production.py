@@ -23,9 +23,9 @@ from engine_bridge.film.takes import (
     sound_table,
 )
 from engine_bridge.performance.frame_store import evenly
-from engine_bridge.performance.rig import Rig, load_rig
+from engine_bridge.performance.prepared_character import PreparedCharacter, load_prepared
 from engine_bridge.performance.settings import Settings
-from engine_bridge.pictures.gpu_scene import Stage
+from engine_bridge.pictures.gpu_scene import StageExtent
 from engine_bridge.puppet import puppet_file
 from puppetline.errors import PuppetlineError, at
 from solver.model.binding import Binding
@@ -89,13 +89,13 @@ class Production:
         """
         measured = {}
         for number, actor in enumerate(self.actors):
-            chosen = _measured(actor.rig)
-            binding = Binding.of_solver_mesh(actor.rig.model, actor.rig.mesh).only(chosen)
-            up = actor.rig.mesh.vertices[chosen] @ actor.footing.basis[1]
+            chosen = _measured(actor.prepared)
+            binding = Binding.of_solver_mesh(actor.prepared.model, actor.prepared.mesh).only(chosen)
+            up = actor.prepared.mesh.vertices[chosen] @ actor.footing.basis[1]
             crown = up > up.min() + CROWN_SHARE * np.ptp(up)
             whole, upper, head = np.empty((3, self.frames, 2, 3))
             for frame in range(self.frames):
-                vertices = binding.vertices(to_file_units(actor.pose(frame).R, actor.rig.model))
+                vertices = binding.vertices(to_file_units(actor.pose(frame).R, actor.prepared.model))
                 linear = actor.to_stage(frame)
                 placed = vertices @ linear[:3] + linear[3]
                 whole[frame] = placed.min(axis=0), placed.max(axis=0)
@@ -111,14 +111,14 @@ class Production:
             measured[actor.name] = Extent(whole, upper, head)
         return measured
 
-    def stage(self, extents: Mapping[str, Extent]) -> Stage:
+    def stage(self, extents: Mapping[str, Extent]) -> StageExtent:
         """Return the space of all motion."""
         everything = np.concatenate([extent.whole for extent in extents.values()])
         low, high = everything[:, 0].min(axis=0), everything[:, 1].max(axis=0)
         size = max(actor.footing.height for actor in self.actors)
         radius = max(float(np.hypot(*(high - low)[[0, 2]])) / 2, size / 2, 1e-6)
         middle = (low + high) / 2
-        return Stage(np.array([middle[0], 0.0, middle[2]]), 1.05 * radius, max(float(high[1]), 1e-6), size)
+        return StageExtent(np.array([middle[0], 0.0, middle[2]]), 1.05 * radius, max(float(high[1]), 1e-6), size)
 
 
 def produce(path: Path, scene: Scene, progress: Progress) -> Production:
@@ -131,19 +131,19 @@ def produce(path: Path, scene: Scene, progress: Progress) -> Production:
     PuppetlineError
         Also if no take is left.
     """
-    rigs: dict[Path, Rig] = {}
+    characters: dict[Path, PreparedCharacter] = {}
     solved: dict[tuple[Path, Path, int | None], SolvedTake] = {}
     actors, notes = [], list[str]()
     errors: list[PuppetlineError] = []
     for table in scene.character:
         puppet = path.parent / table.puppet
-        if puppet not in rigs:
+        if puppet not in characters:
             progress(f"Preparing {table.name}", 0.0)
-            rigs[puppet] = load_rig(puppet)
-    footings = [Footing(table.height, rigs[path.parent / table.puppet]) for table in scene.character]
+            characters[puppet] = load_prepared(puppet)
+    footings = [Footing(table.height, characters[path.parent / table.puppet]) for table in scene.character]
     for table, footing, home in zip(scene.character, footings, _homes(scene.character, footings), strict=True):
         puppet = path.parent / table.puppet
-        rig, played = rigs[puppet], list[PlayedTake]()
+        prepared, played = characters[puppet], list[PlayedTake]()
         for number, take in enumerate(scene.take, 1):
             if take.character != table.name or take.mute:
                 continue
@@ -153,13 +153,13 @@ def produce(path: Path, scene: Scene, progress: Progress) -> Production:
                 key = (puppet, log, take.user)
                 if key not in solved:
                     settings = Settings(fps=scene.film.fps, user=take.user)
-                    solved[key] = solve_take(rig, log, settings, partial(progress, f"Performing {log.stem}"))
+                    solved[key] = solve_take(prepared, log, settings, partial(progress, f"Performing {log.stem}"))
                     notes += [f"{table.name}, {log.stem}: {note}" for note in solved[key].notes]
                 played.append(played_take(number, take, solved[key], scene.film.fps, path))
             except PuppetlineError as error:  # the rest is played
                 errors.append(error)
         segments = segments_of(table.name, home, played, footing, scene.film.fps, path)
-        actors.append(Actor(table, home, rig, footing, segments))
+        actors.append(Actor(table, home, prepared, footing, segments))
     if errors and not any(actor.segments for actor in actors):
         raise errors[0]
     notes += [f"A take is left out. {error}" for error in errors]
@@ -218,9 +218,9 @@ def _homes(tables: Sequence[CharacterTable], footings: Sequence[Footing]) -> lis
     return homes
 
 
-def _measured(rig: Rig) -> NDArray[np.int64]:
+def _measured(prepared: PreparedCharacter) -> NDArray[np.int64]:
     """Return vertices of the solver mesh that are measured: some of them, and the outermost ones at rest."""
-    vertices = rig.mesh.vertices
+    vertices = prepared.mesh.vertices
     directions = np.array([d for d in np.ndindex(3, 3, 3) if d != (1, 1, 1)]) - 1
     outermost = (vertices @ directions.T).argmax(axis=0)
     return np.union1d(evenly(len(vertices), MEASURED_VERTICES), outermost)

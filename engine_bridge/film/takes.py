@@ -17,7 +17,7 @@ from engine_bridge.performance.channels import sound_of
 from engine_bridge.performance.clip import solve, timeline_of
 from engine_bridge.performance.motion import SolvedMotion
 from engine_bridge.performance.pose import Pose
-from engine_bridge.performance.rig import Rig
+from engine_bridge.performance.prepared_character import PreparedCharacter
 from engine_bridge.performance.settings import Settings
 from puppetline.errors import at
 
@@ -111,7 +111,7 @@ class Footing:
     ----------
     height : float or None
         Metres; None for the height of the puppet file.
-    rig : Rig
+    prepared : PreparedCharacter
 
     Attributes
     ----------
@@ -125,11 +125,11 @@ class Footing:
         Metres.
     """
 
-    def __init__(self, height: float | None, rig: Rig) -> None:
-        self.basis, self._vertices = rig.puppet.character.basis, rig.character.vertices
+    def __init__(self, height: float | None, prepared: PreparedCharacter) -> None:
+        self.basis, self._vertices = prepared.puppet.character.basis, prepared.character.vertices
         up = self._vertices @ self.basis[1]
         self.low, tall = float(up.min()), float(np.ptp(up))
-        self.scale = rig.puppet.character.scale if height is None else height / max(tall, 1e-12)
+        self.scale = prepared.puppet.character.scale if height is None else height / max(tall, 1e-12)
         self.height = self.scale * tall
 
     @property
@@ -150,7 +150,9 @@ class Footing:
         return moved
 
 
-def solve_take(rig: Rig, log: Path, settings: Settings, progress: Callable[[float], None]) -> SolvedTake:
+def solve_take(
+    prepared: PreparedCharacter, log: Path, settings: Settings, progress: Callable[[float], None]
+) -> SolvedTake:
     """Solve all frames of a recording for a character.
 
     Raises
@@ -159,7 +161,7 @@ def solve_take(rig: Rig, log: Path, settings: Settings, progress: Callable[[floa
     """
     clips = read_recording(log, replace(settings.log, animals=True))
     timeline, notes = timeline_of(clips, log, settings)
-    motion = solve(rig, timeline, settings, progress)
+    motion = solve(prepared, timeline, settings, progress)
     sound = sound_of(choose(clips, settings.user)[0], log)
     return SolvedTake(motion, None if sound is None or not is_wav(sound[0]) else TakeSound(*sound), notes)
 

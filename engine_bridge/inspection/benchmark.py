@@ -28,7 +28,7 @@ from engine_bridge.character.character import load_character, make_character
 from engine_bridge.character.examples import example_character
 from engine_bridge.export.convert import convert
 from engine_bridge.inspection.character_cost import frame_times, frame_works
-from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.prepared_character import load_prepared
 from engine_bridge.performance.settings import Settings
 from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.proposal import new_puppet
@@ -191,14 +191,14 @@ def performance() -> Iterator[SkeletonFrame]:
 def measure(folder: Path, frames: int) -> dict[str, Value]:
     """Return the values of `FIGURES` for the character in a folder from `prepare`."""
     clock = time.perf_counter
-    rig = load_rig(folder / CHARACTER)  # compiles and caches
+    prepared = load_prepared(folder / CHARACTER)  # compiles and caches
     start = clock()
-    load_rig(folder / CHARACTER)
+    load_prepared(folder / CHARACTER)
     loaded = clock()
-    build(rig.character.solver_mesh(), rig.puppet.solver.parameters)
+    build(prepared.character.solver_mesh(), prepared.puppet.solver.parameters)
     built = clock()
     found: dict[str, Value] = {"cached_load_ms": 1000 * (loaded - start), "precompute_s": built - loaded}
-    found |= frame_times(frame_works(rig, folder / LOG), frames)
+    found |= frame_times(frame_works(prepared, folder / LOG), frames)
     start = clock()
     _, summary = convert(folder / LOG, folder / CHARACTER, folder / "converted.glb", Settings())
     seconds = clock() - start

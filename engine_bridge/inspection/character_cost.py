@@ -15,7 +15,7 @@ from capture.skeleton import SkeletonFrame
 from engine_bridge.character.materials import drawn_normals
 from engine_bridge.performance.character_motion import CharacterMotion
 from engine_bridge.performance.clip import load_timeline, reference_pose
-from engine_bridge.performance.rig import Rig
+from engine_bridge.performance.prepared_character import PreparedCharacter
 from engine_bridge.performance.settings import Settings
 from solver.model.binding import ShadedBinding
 from solver.model.reduced_model import Controls
@@ -74,19 +74,21 @@ class Playing:
 
     Parameters
     ----------
-    rig : Rig
+    prepared : PreparedCharacter
     log : Path
     """
 
-    def __init__(self, rig: Rig, log: Path) -> None:
-        self.rig = rig
+    def __init__(self, prepared: PreparedCharacter, log: Path) -> None:
+        self.prepared = prepared
         settings = Settings()
         timeline, _ = load_timeline(log, settings)
         self.positions, self._confidence = timeline.positions, timeline.confidence
-        self._controls = np.empty((len(rig.model.rest_controls) // 4, 3, 4), dtype=np.float32)
-        self.motion = CharacterMotion(rig, reference_pose(rig.puppet, timeline, settings))
-        it = rig.character
-        self.binding = ShadedBinding(rig.model, it.vertices, rig.mesh.of_render, drawn_normals(it), it.triangles)
+        self._controls = np.empty((len(prepared.model.rest_controls) // 4, 3, 4), dtype=np.float32)
+        self.motion = CharacterMotion(prepared, reference_pose(prepared.puppet, timeline, settings))
+        it = prepared.character
+        self.binding = ShadedBinding(
+            prepared.model, it.vertices, prepared.mesh.of_render, drawn_normals(it), it.triangles
+        )
         self._drawn = np.empty_like(self.binding.rest), np.empty_like(self.binding.rest)
         self._next = 0
 
@@ -98,7 +100,7 @@ class Playing:
 
     def controls(self) -> Controls:
         """Smooth, retarget and solve the next frame; all calls return the same array."""
-        return to_file_units(self.motion.step(self.frame()).R, self.rig.model, self._controls)
+        return to_file_units(self.motion.step(self.frame()).R, self.prepared.model, self._controls)
 
     def vertices(self, controls: Controls) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return positions and normals (n, 3); all calls return the same two arrays."""
@@ -106,15 +108,15 @@ class Playing:
 
     def handle_path(self, count: int) -> NDArray[np.float64]:
         """Return the positions of the handles (count, h, 3) in the next frames."""
-        model = self.rig.model
-        rows = model.rows(self.rig.mesh, self.motion.deformer.handles)
+        model = self.prepared.model
+        rows = model.rows(self.prepared.mesh, self.motion.deformer.handles)
         path = [rows @ self.motion.step(self.frame()).R for _ in range(count)]
         return np.array(path) * model.diagonal + model.center
 
 
-def frame_works(rig: Rig, log: Path) -> dict[str, Work]:
+def frame_works(prepared: PreparedCharacter, log: Path) -> dict[str, Work]:
     """Return the steps of a frame, and an ARAP iteration unless libigl cannot factorise the surface."""
-    solved, played = Playing(rig, log), Playing(rig, log)
+    solved, played = Playing(prepared, log), Playing(prepared, log)
     controls = [played.controls().copy() for _ in range(VERTEX_FRAMES)]
     works = {
         "solve": Work(lambda _: solved.controls(), BLOCK_FRAMES),
@@ -122,7 +124,7 @@ def frame_works(rig: Rig, log: Path) -> dict[str, Work]:
         "frame": Work(lambda _: played.vertices(played.controls()), BLOCK_FRAMES),
     }
     try:
-        iterate = arap_iteration(rig.mesh, played.motion.deformer.handles, played.handle_path(ARAP_TARGETS))
+        iterate = arap_iteration(prepared.mesh, played.motion.deformer.handles, played.handle_path(ARAP_TARGETS))
     except RuntimeError:
         return works
     return works | {"arap_iteration": Work(iterate, 1)}

@@ -152,7 +152,7 @@ def _owner(kind: str, port: int) -> str:
 
 def _own_folders() -> Iterator[Finding]:
     try:
-        from engine_bridge.performance.rig import cache_folder
+        from engine_bridge.performance.prepared_character import cache_folder
         from engine_bridge.service.stages.calibration_store import state_file
     except (ImportError, OSError) as error:
         yield Finding("cache and state", None, f"not checked: {error}")

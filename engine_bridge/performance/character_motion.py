@@ -13,8 +13,8 @@ from engine_bridge.performance.channels import ChannelMotion, Channels, sided
 from engine_bridge.performance.easing import EASE_SECONDS, MAX_STEP_SECONDS, Easing
 from engine_bridge.performance.motion import Motion
 from engine_bridge.performance.pose import Pose, TargetPose, difference_of
+from engine_bridge.performance.prepared_character import PreparedCharacter
 from engine_bridge.performance.retargeting import Retargeting
-from engine_bridge.performance.rig import Rig
 from engine_bridge.puppet.puppet import Puppet
 from solver.motion.deformer import Deformer
 from solver.motion.motion_blend import moved_by
@@ -25,7 +25,7 @@ class CharacterMotion:
 
     Parameters
     ----------
-    rig : Rig
+    prepared : PreparedCharacter
     rest : (20, 3) float64, optional
         The performer's calibration pose, sensor coordinates, NaN for unknown joints; by default there is no performer
         until `follow`.
@@ -36,7 +36,7 @@ class CharacterMotion:
 
     Attributes
     ----------
-    rig : Rig
+    prepared : PreparedCharacter
     mirror : bool
         Whether the next `retargeting` mirrors.
     performer : Retargeting or None
@@ -53,19 +53,19 @@ class CharacterMotion:
 
     def __init__(
         self,
-        rig: Rig,
+        prepared: PreparedCharacter,
         rest: NDArray[np.float64] | None = None,
         *,
         mirror: bool | None = None,
         ease: float = EASE_SECONDS,
     ) -> None:
-        self.rig = rig
-        self.mirror = rig.puppet.retarget.mirror if mirror is None else mirror
-        self.deformer = make_deformer(rig)
+        self.prepared = prepared
+        self.mirror = prepared.puppet.retarget.mirror if mirror is None else mirror
+        self.deformer = make_deformer(prepared)
         bones = np.tile(np.eye(4, 3), (len(self.deformer.bones), 1, 1))
         self.at_rest = TargetPose(self.deformer.handles, bones, np.zeros(3))
         self.easing = Easing(self.deformer.bones, self.at_rest, ease)
-        self._channels = ChannelMotion(rig.puppet, self.deformer.bones)
+        self._channels = ChannelMotion(prepared.puppet, self.deformer.bones)
         self.performer = None if rest is None else self.retargeting(rest)
         self.idle: Motion[TargetPose] | None = None
         self.idle_since = -math.inf
@@ -82,8 +82,8 @@ class CharacterMotion:
         mirror : bool, optional
             Whether to mirror the performer; `mirror` by default.
         """
-        puppet = mirrored(self.rig.puppet, self.mirror if mirror is None else mirror)
-        return Retargeting(puppet, self.rig.mesh, self.deformer, rest)
+        puppet = mirrored(self.prepared.puppet, self.mirror if mirror is None else mirror)
+        return Retargeting(puppet, self.prepared.mesh, self.deformer, rest)
 
     def follow(self, time: float, performer: Retargeting | None) -> None:
         """Ease into the motion of a performer from a time on; None for the idle motion, from its start."""
@@ -99,10 +99,10 @@ class CharacterMotion:
             self._solved_by = None
         self.easing.begin(time)
 
-    def remap(self, rig: Rig) -> None:
+    def remap(self, prepared: PreparedCharacter) -> None:
         """Use the mapping of another puppet of the same character and handles, from the next `retargeting` on."""
-        self.rig = rig
-        self._channels = ChannelMotion(rig.puppet, self.deformer.bones)
+        self.prepared = prepared
+        self._channels = ChannelMotion(prepared.puppet, self.deformer.bones)
 
     def step(self, frame: SkeletonFrame, *, ease_cuts: bool = False) -> Pose:
         """Return the pose for the performer's next frame, which is later than the previous one.
@@ -150,7 +150,7 @@ class CharacterMotion:
         """Move a target by channels, and solve it; the deformer starts from the previous frame."""
         moved = self._channels.moved(target, channels)
         R = self.deformer.solve(moved.targets, moved.bones)
-        return Pose(moved.targets, moved.bones, moved.root, R, self.rig.model, channels)
+        return Pose(moved.targets, moved.bones, moved.root, R, self.prepared.model, channels)
 
     def _without_performer(self, time: float) -> TargetPose:
         if self.held is not None:
@@ -184,12 +184,12 @@ class CharacterMotion:
         the same names and numbers of points; otherwise, all are in their rest position.
         """
         shown, rest = other.easing.shown, self.at_rest
-        names = [handle.name for handle in other.rig.puppet.handle]
+        names = [handle.name for handle in other.prepared.puppet.handle]
         moved = dict(zip(names, shown.targets - other.deformer.handles, strict=True))
-        own = [handle.name for handle in self.rig.puppet.handle]
+        own = [handle.name for handle in self.prepared.puppet.handle]
         targets = rest.targets + np.reshape([moved.get(name, np.zeros(3)) for name in own], (-1, 3))
         bones = rest.bones
-        if _shape_of_limbs(self.rig) == _shape_of_limbs(other.rig):
+        if _shape_of_limbs(self.prepared) == _shape_of_limbs(other.prepared):
             bones = moved_by(self.deformer.bones, bones, difference_of(other.deformer.bones, other.at_rest, shown), 1.0)
         return TargetPose(targets, bones, shown.root)
 
@@ -201,13 +201,17 @@ def mirrored(puppet: Puppet, on: bool) -> Puppet:
     return puppet.model_copy(update={"retarget": puppet.retarget.model_copy(update={"mirror": on})})
 
 
-def make_deformer(rig: Rig) -> Deformer:
+def make_deformer(prepared: PreparedCharacter) -> Deformer:
     """Return a deformer for a character's model and the handles of its puppet."""
-    solver = rig.puppet.solver
+    solver = prepared.puppet.solver
     return Deformer(
-        rig.model, rig.mesh, rig.puppet.handle_positions, iterations=solver.iterations, mode=solver.rotations
+        prepared.model,
+        prepared.mesh,
+        prepared.puppet.handle_positions,
+        iterations=solver.iterations,
+        mode=solver.rotations,
     )
 
 
-def _shape_of_limbs(rig: Rig) -> list[tuple[str, int]]:
-    return [(limb.name, len(limb.points)) for limb in rig.puppet.limbs]
+def _shape_of_limbs(prepared: PreparedCharacter) -> list[tuple[str, int]]:
+    return [(limb.name, len(limb.points)) for limb in prepared.puppet.limbs]

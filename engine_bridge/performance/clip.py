@@ -22,7 +22,7 @@ from engine_bridge.performance.channels import with_voice
 from engine_bridge.performance.character_motion import CharacterMotion
 from engine_bridge.performance.motion import SolvedMotion
 from engine_bridge.performance.pose import Pose
-from engine_bridge.performance.rig import Rig
+from engine_bridge.performance.prepared_character import PreparedCharacter
 from engine_bridge.performance.settings import Settings
 from engine_bridge.puppet.puppet import Puppet
 from puppetline.errors import SkeletonLogError, at
@@ -209,13 +209,13 @@ def reference_pose(puppet: Puppet, timeline: Timeline, settings: Settings) -> ND
     return body.upright(pose) if turns and not calibrated else pose
 
 
-def poses(rig: Rig, timeline: Timeline, settings: Settings) -> Iterator[Pose]:
+def poses(prepared: PreparedCharacter, timeline: Timeline, settings: Settings) -> Iterator[Pose]:
     """Yield the poses of a character for the frames of a timeline, with the calibrations of the take."""
     take = timeline if isinstance(timeline, TakeTimeline) else None
     if timeline.legs > 2:
-        rig = replace(rig, puppet=of_animal(rig.puppet))
-    rest = reference_pose(rig.puppet, timeline, settings)
-    motion = CharacterMotion(rig, rest, mirror=None if take is None else take.mirror)
+        prepared = replace(prepared, puppet=of_animal(prepared.puppet))
+    rest = reference_pose(prepared.puppet, timeline, settings)
+    motion = CharacterMotion(prepared, rest, mirror=None if take is None else take.mirror)
     for number in range(len(timeline.positions)):
         if take is not None and number in take.later:
             rest, mirror = take.later[number]
@@ -225,21 +225,24 @@ def poses(rig: Rig, timeline: Timeline, settings: Settings) -> Iterator[Pose]:
 
 
 def solve(
-    rig: Rig, timeline: Timeline, settings: Settings, progress: Callable[[float], None] = lambda _share: None
+    prepared: PreparedCharacter,
+    timeline: Timeline,
+    settings: Settings,
+    progress: Callable[[float], None] = lambda _share: None,
 ) -> SolvedMotion:
     """Return the motion of a character for the frames of a timeline, or for the part of it that the settings name.
 
     Parameters
     ----------
-    rig : Rig
+    prepared : PreparedCharacter
     timeline : Timeline
     settings : Settings
     progress : callable, optional
         Receives the share of the frames that are solved.
     """
     first, end = part_of(timeline, settings)
-    motion = SolvedMotion(rig, timeline.fps)
-    for pose in islice(poses(rig, timeline, settings), first, end):
+    motion = SolvedMotion(prepared, timeline.fps)
+    for pose in islice(poses(prepared, timeline, settings), first, end):
         motion.append(pose)
         progress(len(motion) / (end - first))
     return motion
@@ -253,11 +256,13 @@ def part_of(timeline: Timeline, settings: Settings) -> tuple[int, int]:
     return min(round(settings.start * timeline.fps), last - MIN_CLIP_FRAMES + 1), last + 1
 
 
-def perform(rig: Rig, timeline: Timeline, settings: Settings, notes: tuple[str, ...], progress: Progress) -> Clip:
+def perform(
+    prepared: PreparedCharacter, timeline: Timeline, settings: Settings, notes: tuple[str, ...], progress: Progress
+) -> Clip:
     """Solve a timeline, and measure the deformation of the character."""
-    motion = solve(rig, timeline, settings, partial(progress, "Performing"))
-    surface, stretch = BatchBinding.of_solver_mesh(rig.model, rig.mesh), EdgeStretch(rig.mesh)
-    separation = PartSeparation(rig.mesh) if rig.mesh.parts > 1 else None
+    motion = solve(prepared, timeline, settings, partial(progress, "Performing"))
+    surface, stretch = BatchBinding.of_solver_mesh(prepared.model, prepared.mesh), EdgeStretch(prepared.mesh)
+    separation = PartSeparation(prepared.mesh) if prepared.mesh.parts > 1 else None
     # percentiles of motion do not need every frame of a long clip; the largest separation does
     stride = 1 if separation else min(MAX_MEASURED_STRIDE, max(1, len(motion) // MIN_MEASURED_FRAMES))
     chunk = stride * surface.batch_frames
@@ -267,13 +272,13 @@ def perform(rig: Rig, timeline: Timeline, settings: Settings, notes: tuple[str, 
         if separation is not None:
             separation.add(vertices)
     mirror = timeline.mirror if isinstance(timeline, TakeTimeline) else None
-    if mirror not in (None, rig.puppet.retarget.mirror):
+    if mirror not in (None, prepared.puppet.retarget.mirror):
         notes = (
             *notes,
             f"The take {'mirrors' if mirror else 'does not mirror'} the performer, unlike the puppet file.",
         )
     rest = resting_pose(timeline, settings)
-    unknown = [joint for joint in rig.puppet.driven_by if np.isnan(rest[JOINTS.index(joint)]).any()]
+    unknown = [joint for joint in prepared.puppet.driven_by if np.isnan(rest[JOINTS.index(joint)]).any()]
     if unknown:
         notes = (
             *notes,

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from capture import body
 from capture.skeleton import JOINTS
 from engine_bridge.performance.character_motion import make_deformer
+from engine_bridge.performance.prepared_character import PreparedCharacter
 from engine_bridge.performance.retargeting import fit_sizes
-from engine_bridge.performance.rig import Rig
 from solver.model.bones import Bones
 from solver.model.vectors import perpendicular
 from solver.motion.limbs import TRUNK, Limb, bone_ranges
@@ -41,12 +41,12 @@ SEED = 1
 """Seed of the random frequencies and phases."""
 
 
-def exercise(rig: Rig, rest: NDArray[np.float64], chunk_size: int) -> Iterator[NDArray[np.float32]]:
+def exercise(prepared: PreparedCharacter, rest: NDArray[np.float64], chunk_size: int) -> Iterator[NDArray[np.float32]]:
     """Yield the controls of a deterministic motion of all bones, and of the handles that joints move.
 
     Parameters
     ----------
-    rig : Rig
+    prepared : PreparedCharacter
     rest : (20, 3) float64
         A performer's calibration pose, sensor coordinates, which sets the size of the motion if the puppet's scale is a
         number.
@@ -57,20 +57,20 @@ def exercise(rig: Rig, rest: NDArray[np.float64], chunk_size: int) -> Iterator[N
     (f, 4m, 3) float32
         Control variables of the next frames, at most `chunk_size`; model units.
     """
-    course = _Course(rig, rest)
+    course = _Course(prepared, rest)
     shares = _shares(course.free)
     for start in range(0, len(shares), chunk_size):
         yield course.solve(shares[start : start + chunk_size])[0]
 
 
 def random_poses(
-    rig: Rig, count: int, seed: int = SEED, *, handles: bool = True
+    prepared: PreparedCharacter, count: int, seed: int = SEED, *, handles: bool = True
 ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
     """Return poses in which all bones and handles have random displacements, each pose independent of the others.
 
     Parameters
     ----------
-    rig : Rig
+    prepared : PreparedCharacter
     count : int
     seed : int, optional
     handles : bool, optional
@@ -83,10 +83,10 @@ def random_poses(
     motions : (count, b, 4, 3) float64
         Motions of the bones for row vectors, mesh file's coordinates.
     """
-    course = _Course(rig, np.full((len(JOINTS), 3), np.nan), RANDOM_ITERATIONS)
+    course = _Course(prepared, np.full((len(JOINTS), 3), np.nan), RANDOM_ITERATIONS)
     shares = np.random.default_rng(seed).uniform(-RANDOM_SHARE, RANDOM_SHARE, (count, *course.free.shape))
     if not handles:
-        shares[:, : len(rig.puppet.handle)] = 0.0
+        shares[:, : len(prepared.puppet.handle)] = 0.0
     return course.solve(shares * course.free)
 
 
@@ -99,14 +99,16 @@ class _Course:
         Axes along which handles, and then bones, can move.
     """
 
-    def __init__(self, rig: Rig, rest: NDArray[np.float64], iterations: int | None = None) -> None:
-        puppet = rig.puppet
-        deformer = make_deformer(rig)
+    def __init__(self, prepared: PreparedCharacter, rest: NDArray[np.float64], iterations: int | None = None) -> None:
+        puppet = prepared.puppet
+        deformer = make_deformer(prepared)
         self._deformer = deformer if iterations is None else deformer.another(iterations)
         self._basis, self._mapping = puppet.character.basis, puppet.mapping
-        fit = fit_sizes(puppet, deformer, rig.mesh, rest)
+        fit = fit_sizes(puppet, deformer, prepared.mesh, rest)
         without_limit = np.abs(fit.scale * (self._mapping.matrix @ body.reach(rest)))[:, None, None]
-        self._reach = np.where(np.isfinite(fit.reach), fit.reach, np.maximum(without_limit, 1e-9 * rig.mesh.diagonal))
+        self._reach = np.where(
+            np.isfinite(fit.reach), fit.reach, np.maximum(without_limit, 1e-9 * prepared.mesh.diagonal)
+        )
         self._axes = _axes(puppet.limbs, deformer.bones)
         handles = self._mapping.axes & (self._mapping.matrix != 0).any(axis=1, keepdims=True)
         self.free = np.concatenate([handles, self._axes.any(axis=2)])

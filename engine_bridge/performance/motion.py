@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from engine_bridge.performance.frame_store import FrameStore
 from engine_bridge.performance.pose import P, Pose, between
-from engine_bridge.performance.rig import Rig
+from engine_bridge.performance.prepared_character import PreparedCharacter
 
 
 class Motion(Generic[P]):
@@ -16,7 +16,7 @@ class Motion(Generic[P]):
 
     Parameters
     ----------
-    rig : Rig
+    prepared : PreparedCharacter
     fps : float
     poses : sequence of TargetPose or Pose
     loops : bool, optional
@@ -24,11 +24,13 @@ class Motion(Generic[P]):
 
     Attributes
     ----------
-    rig, fps
+    prepared, fps
     """
 
-    def __init__(self, rig: Rig, fps: float, poses: Sequence[P] = (), *, loops: bool = False) -> None:
-        self.rig, self.fps = rig, fps
+    def __init__(
+        self, prepared: PreparedCharacter, fps: float, poses: Sequence[P] = (), *, loops: bool = False
+    ) -> None:
+        self.prepared, self.fps = prepared, fps
         self._poses, self._loops = poses, loops
 
     def __len__(self) -> int:
@@ -45,7 +47,7 @@ class Motion(Generic[P]):
         place = place % count if self._loops else min(max(place, 0.0), count - 1.0)
         before = int(place)
         start, end = (self[number % count] for number in (before, before + 1))
-        return between(self.rig.model.bones, start, end, place - before)
+        return between(self.prepared.model.bones, start, end, place - before)
 
 
 class SolvedMotion(Motion[Pose]):
@@ -57,11 +59,11 @@ class SolvedMotion(Motion[Pose]):
         (F, 4m, 3), (F, h, 3), (F, b, 4, 3) and (F, 3) float32, see `Pose`.
     """
 
-    def __init__(self, rig: Rig, fps: float) -> None:
-        super().__init__(rig, fps)
-        self.R = FrameStore(rig.model.rest_controls.shape)
-        self.targets = FrameStore((len(rig.puppet.handle), 3))
-        self.bones = FrameStore((len(rig.model.bones), 4, 3))
+    def __init__(self, prepared: PreparedCharacter, fps: float) -> None:
+        super().__init__(prepared, fps)
+        self.R = FrameStore(prepared.model.rest_controls.shape)
+        self.targets = FrameStore((len(prepared.puppet.handle), 3))
+        self.bones = FrameStore((len(prepared.model.bones), 4, 3))
         self.root = FrameStore((3,))
         self._columns: dict[str, int] = {}  # of the channels so far
         self._channels: list[NDArray[np.float32]] = []  # of each pose; NaN, or nothing at the end, where it has none
@@ -77,7 +79,7 @@ class SolvedMotion(Motion[Pose]):
             self.bones[number],
             self.root[number],
             self.R[number],
-            self.rig.model,
+            self.prepared.model,
             self._channels_at(number),
         )
 

@@ -13,7 +13,7 @@ from engine_bridge.character.evaluation import Evaluation
 from engine_bridge.character.materials import preview_colors
 from engine_bridge.performance.clip import Clip
 from engine_bridge.performance.grounding import stands
-from engine_bridge.performance.rig import Rig
+from engine_bridge.performance.prepared_character import PreparedCharacter
 from engine_bridge.pictures import stick_figure
 from engine_bridge.pictures.contact_sheet import write_contact_sheet
 from engine_bridge.pictures.renderer import View, render
@@ -47,11 +47,11 @@ def draw(
     chosen = np.unique(np.linspace(0, len(clip.motion) - 1, min(TILE_COUNT, len(clip.motion))).astype(int))
     images = []
     if file is None:
-        places = _solved(clip.motion.rig, clip.motion.R[chosen], clip.motion.root[chosen])
+        places = _solved(clip.motion.prepared, clip.motion.R[chosen], clip.motion.root[chosen])
     else:
-        shown = Evaluation(load_document(file), clip.motion.rig.character.parts)
+        shown = Evaluation(load_document(file), clip.motion.prepared.character.parts)
         places = np.array([*shown.positions(clip.motion.times[chosen])])
-    drawn = _draw(clip.motion.rig, places, clip.motion.root[chosen], CHARACTER_SIZE)
+    drawn = _draw(clip.motion.prepared, places, clip.motion.root[chosen], CHARACTER_SIZE)
     for performer, character in zip(_performer(clip, chosen), drawn, strict=True):
         images.append(np.hstack([performer, character]))
         progress(len(images) / len(chosen))
@@ -62,7 +62,7 @@ def draw(
 def _performer(clip: Clip, chosen: NDArray[np.int64]) -> list[NDArray[np.uint8]]:
     """Draw the recorded joints; the camera follows the hips."""
     joints = clip.positions[chosen]
-    joints = to_character_axes(mirrored(joints) if clip.motion.rig.puppet.retarget.mirror else joints)
+    joints = to_character_axes(mirrored(joints) if clip.motion.prepared.puppet.retarget.mirror else joints)
     joints = joints - np.nan_to_num(joints[:, JOINT_INDEX["hip_center"], None])
     known = joints[np.isfinite(joints).all(axis=-1)]
     view = View.around(known if len(known) else np.zeros((1, 3)), size=PERFORMER_SIZE)
@@ -70,13 +70,13 @@ def _performer(clip: Clip, chosen: NDArray[np.int64]) -> list[NDArray[np.uint8]]
 
 
 def draw_character(
-    rig: Rig, frames: NDArray[np.floating], root: NDArray[np.floating], size: tuple[int, int]
+    prepared: PreparedCharacter, frames: NDArray[np.floating], root: NDArray[np.floating], size: tuple[int, int]
 ) -> list[NDArray[np.uint8]]:
     """Draw a character on its floor; the camera follows the root, so the character is large in each image.
 
     Parameters
     ----------
-    rig : Rig
+    prepared : PreparedCharacter
     frames : (n, 4m, 3) floating
         Control variables, model units.
     root : (n, 3) floating
@@ -88,28 +88,32 @@ def draw_character(
     -------
     list of (h, w, 3) uint8
     """
-    return _draw(rig, _solved(rig, frames, root), root, size)
+    return _draw(prepared, _solved(prepared, frames, root), root, size)
 
 
-def _solved(rig: Rig, frames: NDArray[np.floating], root: NDArray[np.floating]) -> NDArray[np.float64]:
+def _solved(
+    prepared: PreparedCharacter, frames: NDArray[np.floating], root: NDArray[np.floating]
+) -> NDArray[np.float64]:
     """Return the solved positions (n, N, 3) of all vertices, mesh file's coordinates."""
-    binding = Binding.of_solver_mesh(rig.model, rig.mesh)
-    solved = [binding.vertices(to_file_units(each, rig.model)) + way for each, way in zip(frames, root, strict=True)]
-    return np.array(solved)[:, rig.mesh.of_render]
+    binding = Binding.of_solver_mesh(prepared.model, prepared.mesh)
+    solved = [
+        binding.vertices(to_file_units(each, prepared.model)) + way for each, way in zip(frames, root, strict=True)
+    ]
+    return np.array(solved)[:, prepared.mesh.of_render]
 
 
 def _draw(
-    rig: Rig, places: NDArray[np.float64], root: NDArray[np.floating], size: tuple[int, int]
+    prepared: PreparedCharacter, places: NDArray[np.float64], root: NDArray[np.floating], size: tuple[int, int]
 ) -> list[NDArray[np.uint8]]:
     """Draw positions (n, N, 3) of all vertices; see `draw_character`."""
-    basis = rig.puppet.character.basis
+    basis = prepared.puppet.character.basis
     poses = places @ basis.T
     ways = root @ basis.T * [1, 0, 1]
     view = View.around(poses - ways[:, None], size=size)
-    if stands(rig.puppet):  # what hangs from a hand may be lower than the feet
-        view = replace(view, ground=float((rig.character.vertices @ basis[1]).min()))
-    images, colors = [], preview_colors(rig.character)
+    if stands(prepared.puppet):  # what hangs from a hand may be lower than the feet
+        view = replace(view, ground=float((prepared.character.vertices @ basis[1]).min()))
+    images, colors = [], preview_colors(prepared.character)
     for pose, way in zip(poses, ways, strict=True):
         along = replace(view, center=tuple(view.center + way))
-        images.append(render(pose, rig.character.triangles, along, size, colors))
+        images.append(render(pose, prepared.character.triangles, along, size, colors))
     return images

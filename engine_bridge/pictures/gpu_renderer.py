@@ -18,7 +18,7 @@ from engine_bridge.pictures import gpu_shaders as shaders
 from engine_bridge.pictures.camera import Camera, orthographic
 from engine_bridge.pictures.coarse import coarse_triangles
 from engine_bridge.pictures.gpu_context import SOFTWARE, make_context
-from engine_bridge.pictures.gpu_scene import Overlay, Panorama, Stage, Surroundings
+from engine_bridge.pictures.gpu_scene import Overlay, Panorama, StageExtent, Surroundings
 from engine_bridge.pictures.renderer import CLAY
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ OUTER_SAMPLES, KEY_SAMPLES, SKY_SAMPLES = 5, 6, 5
 """Samples of the depth maps per pixel: around it, and inside where these differ."""
 
 PENUMBRA, SKY_PENUMBRA = 0.018, 0.09
-"""Radii of the soft edges of the shadows of the key light and of the sky, as shares of `Stage.size`."""
+"""Radii of the soft edges of the shadows of the key light and of the sky, as shares of `StageExtent.size`."""
 
 SHADOW_CELL = 0.012
 """Width of the cells of the surface that casts shadows, as a share of its character's size; less than a penumbra."""
@@ -46,10 +46,10 @@ FINE_SHARE = 0.02
 """Side of triangles, as a share of their character's size, up to which light is computed at vertices."""
 
 LIFT = 0.006
-"""Distance off a surface from which light is looked up, as a share of `Stage.size`; nearer, it would shade itself."""
+"""Distance off a surface from which light is looked up, as a share of `StageExtent.size`; nearer, it shades itself."""
 
 FLOOR_REACH, FLOOR_TILE = 9.0, 1.6
-"""Radius of the visible floor in radii of the stage, and width of its repeated picture in units of `Stage.size`."""
+"""Radius of the visible floor in radii of the stage, and width of its repeated picture in `StageExtent.size`."""
 
 CLIP_DISTANCE = 0x3000
 """OpenGL's name of the plane at which surfaces are cut off, the floor."""
@@ -244,7 +244,7 @@ class GpuRenderer:
     def draw(
         self,
         camera: Camera,
-        stage: Stage,
+        stage: StageExtent,
         surfaces: Sequence[Drawn],
         around: Surroundings,
         overlays: Sequence[Overlay] = (),
@@ -254,7 +254,7 @@ class GpuRenderer:
         Parameters
         ----------
         camera : Camera
-        stage : Stage
+        stage : StageExtent
         surfaces : sequence of Drawn
         around : Surroundings
         overlays : sequence of Overlay

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Stage:
+class StageExtent:
     """The space in which everything moves, for lights and floor.
 
     Attributes

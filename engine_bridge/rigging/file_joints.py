@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.character.scene import world_transforms
-from engine_bridge.performance.rig import Rig
+from engine_bridge.performance.prepared_character import PreparedCharacter
 from engine_bridge.puppet.humanoid_bones import HUMANOID_BONES, REQUIRED, SIDES
 from engine_bridge.puppet.rig_bones import RigBones
 from engine_bridge.puppet.skin_joints import vertex_influences
@@ -20,7 +20,7 @@ SPINE = ("hips", "spine", "chest")
 """Joints of the trunk, in the order of the hierarchy; a fourth or later joint is the upper chest."""
 
 
-def humanoid_joints(rig: Rig, own: RigBones) -> dict[str, int]:
+def humanoid_joints(prepared: PreparedCharacter, own: RigBones) -> dict[str, int]:
     """Return the nodes of a file's own skeleton that are joints of a VRM humanoid.
 
     Those of a limb are the joints nearest to the limb's bones that follow them. Of several at one place, such as
@@ -30,7 +30,7 @@ def humanoid_joints(rig: Rig, own: RigBones) -> dict[str, int]:
 
     Parameters
     ----------
-    rig : Rig
+    prepared : PreparedCharacter
     own : RigBones
         Bones that the joints of the file's skeleton follow.
 
@@ -39,29 +39,29 @@ def humanoid_joints(rig: Rig, own: RigBones) -> dict[str, int]:
     dict
         Nodes by VRM's names.
     """
-    which, share = vertex_influences(rig.character)
-    count = len(rig.character.document.gltf["nodes"])
+    which, share = vertex_influences(prepared.character)
+    count = len(prepared.character.document.gltf["nodes"])
     moved = np.bincount(which.ravel(), share.ravel(), count)[own.nodes].astype(np.float64)
-    nearest = _nearest(rig, own, moved)
+    nearest = _nearest(prepared, own, moved)
     trunk = _trunk(own, nearest, moved)
     found = (nearest if not trunk else {name: row for name, row in nearest.items() if name not in SPINE}) | trunk
     return {name: int(own.nodes[row]) for name, row in found.items()}
 
 
-def _nearest(rig: Rig, own: RigBones, moved: NDArray[np.float64]) -> dict[str, int]:
+def _nearest(prepared: PreparedCharacter, own: RigBones, moved: NDArray[np.float64]) -> dict[str, int]:
     """Return the rows of the joints nearest to those of the puppet, at most one for each bone.
 
     `moved` (j,) is the number of vertices that each joint moves.
     """
-    places = world_transforms(rig.character.document)[own.nodes][:, :3, 3]
+    places = world_transforms(prepared.character.document)[own.nodes][:, :3, 3]
     found: dict[str, int] = {}
     bones: set[int] = set()
-    for joint in sorted(Skeleton.along_bones(rig.puppet).joints, key=lambda joint: joint.name not in REQUIRED):
+    for joint in sorted(Skeleton.along_bones(prepared.puppet).joints, key=lambda joint: joint.name not in REQUIRED):
         follows = own.shares[:, joint.bone] > SAME_BONE_SHARE
         if joint.name in HUMANOID_BONES and joint.bone not in bones and follows.any():
             bones.add(joint.bone)
             away = np.where(follows, np.linalg.norm(places - joint.head, axis=1), np.inf)
-            near = away <= away.min() + SAME_PLACE_DIAGONALS * float(rig.model.diagonal)
+            near = away <= away.min() + SAME_PLACE_DIAGONALS * float(prepared.model.diagonal)
             found[joint.name] = int(np.where(near, moved, -1).argmax())
     return found
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.performance.exercise import random_poses
-from engine_bridge.performance.rig import Rig
+from engine_bridge.performance.prepared_character import PreparedCharacter
 from engine_bridge.rigging.joint_weights import joint_weights
 from engine_bridge.rigging.skeleton import Skeleton
 from engine_bridge.rigging.surface_distance import distances
@@ -53,19 +53,19 @@ class MadeRig:
     error: float
 
 
-_MADE: WeakKeyDictionary[Rig, MadeRig] = WeakKeyDictionary()
+_MADE: WeakKeyDictionary[PreparedCharacter, MadeRig] = WeakKeyDictionary()
 """Rigs that were made, for the next clips of the same characters."""
 
 
-def made_rig(rig: Rig, progress: Callable[[float], None] = lambda _share: None) -> MadeRig:
+def made_rig(prepared: PreparedCharacter, progress: Callable[[float], None] = lambda _share: None) -> MadeRig:
     """Return the rig of a puppet in its rest pose with at most 4 joints per vertex, which is made once."""
-    if rig not in _MADE:
-        _MADE[rig] = make_rig(rig, progress=progress)
-    return _MADE[rig]
+    if prepared not in _MADE:
+        _MADE[prepared] = make_rig(prepared, progress=progress)
+    return _MADE[prepared]
 
 
 def make_rig(
-    rig: Rig,
+    prepared: PreparedCharacter,
     *,
     in_t_pose: bool = False,
     influences: int = skin_weights.MAX_INFLUENCES,
@@ -75,7 +75,7 @@ def make_rig(
 
     Parameters
     ----------
-    rig : Rig
+    prepared : PreparedCharacter
     in_t_pose : bool, optional
         Whether the mesh is bound in a T-pose; requires bones.
     influences : int, optional
@@ -83,31 +83,33 @@ def make_rig(
     progress : callable, optional
         Receives the share of the work that is done.
     """
-    skeleton, basis = Skeleton.along_bones(rig.puppet), rig.puppet.character.basis
+    skeleton, basis = Skeleton.along_bones(prepared.puppet), prepared.puppet.character.basis
     progress(0.0)
-    controls, motions = random_poses(rig, POSES)
-    motions = with_handles(rig, controls, motions)
+    controls, motions = random_poses(prepared, POSES)
+    motions = with_handles(prepared, controls, motions)
     progress(0.5)
-    bind, vertices = None, rig.mesh.vertices
+    bind, vertices = None, prepared.mesh.vertices
     if in_t_pose:
-        bind = t_pose(rig, skeleton)
+        bind = t_pose(prepared, skeleton)
         vertices = bind.vertices(vertices)
-        start = with_handles(rig, bind.R[None], bind.motions[None])[0]
+        start = with_handles(prepared, bind.R[None], bind.motions[None])[0]
         skeleton, motions = posed(skeleton, start, basis), _since(motions, start)
-    weights = skin_weights.fit(rig.model, rig.mesh, controls, motions, rest=vertices, influences=influences)
+    weights = skin_weights.fit(prepared.model, prepared.mesh, controls, motions, rest=vertices, influences=influences)
     images = mirror_images(vertices, basis[0])
     if (images >= 0).mean() >= MIN_SYMMETRIC_SHARE:
-        weights = symmetric(weights, images, _opposite(rig, motions.shape[1]))
-    rms, error = distances(rig, weights, vertices, controls[::COMPARED_STRIDE], motions[::COMPARED_STRIDE])
+        weights = symmetric(weights, images, _opposite(prepared, motions.shape[1]))
+    rms, error = distances(prepared, weights, vertices, controls[::COMPARED_STRIDE], motions[::COMPARED_STRIDE])
     progress(1.0)
     return MadeRig(skeleton, joint_weights(weights, skeleton.joints, vertices), bind, rms, error)
 
 
-def with_handles(rig: Rig, controls: NDArray[np.floating], motions: NDArray[np.floating]) -> NDArray[np.float64]:
+def with_handles(
+    prepared: PreparedCharacter, controls: NDArray[np.floating], motions: NDArray[np.floating]
+) -> NDArray[np.float64]:
     """Return the motions of bones and handles (F, b + h, 4, 3) for controls (F, 4m, 3) and motions (F, b, 4, 3)."""
-    if not rig.puppet.handle:
+    if not prepared.puppet.handle:
         return motions.astype(np.float64)
-    handles = HandleMotions(rig.model, rig.mesh, rig.puppet.handle_positions)
+    handles = HandleMotions(prepared.model, prepared.mesh, prepared.puppet.handle_positions)
     return np.concatenate([motions, handles.of(controls)], axis=1)
 
 
@@ -119,10 +121,12 @@ def _since(motions: NDArray[np.float64], start: NDArray[np.float64]) -> NDArray[
     return np.concatenate([turns, offsets[:, :, None]], axis=2)
 
 
-def _opposite(rig: Rig, count: int) -> NDArray[np.int64]:
+def _opposite(prepared: PreparedCharacter, count: int) -> NDArray[np.int64]:
     """Return the bone or handle (count,) on the other side for each one: that of the limb or handle with its name."""
-    names = [(limb.name, number) for limb in parents_first(rig.puppet.limbs) for number in range(len(limb.points) - 1)]
-    names += [(handle.name, -1) for handle in rig.puppet.handle]
+    names = [
+        (limb.name, number) for limb in parents_first(prepared.puppet.limbs) for number in range(len(limb.points) - 1)
+    ]
+    names += [(handle.name, -1) for handle in prepared.puppet.handle]
     swapped = {"left": "right", "right": "left"}
     rows = {key: row for row, key in enumerate(names)}
     opposite = np.arange(count)

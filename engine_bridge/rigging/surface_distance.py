@@ -3,13 +3,13 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.performance.rig import Rig
+from engine_bridge.performance.prepared_character import PreparedCharacter
 from solver.model.batch import BatchBinding
 from solver.skinning.weights import Weights, as_matrix, blend_lines
 
 
 def distances(
-    rig: Rig,
+    prepared: PreparedCharacter,
     weights: Weights,
     vertices: NDArray[np.float64],
     controls: NDArray[np.floating],
@@ -19,7 +19,7 @@ def distances(
 
     Parameters
     ----------
-    rig : Rig
+    prepared : PreparedCharacter
     weights : Weights
         Of bones and handles.
     vertices : (n, 3) float64
@@ -29,7 +29,7 @@ def distances(
     motions : (F, b, 4, 3)
         Motions of bones and handles for row vectors, mesh file's coordinates.
     """
-    model, surface = rig.model, BatchBinding.of_solver_mesh(rig.model, rig.mesh)
+    model, surface = prepared.model, BatchBinding.of_solver_mesh(prepared.model, prepared.mesh)
     lines = blend_lines(vertices - model.center, as_matrix(weights, motions.shape[1]))
     largest = total = 0.0
     for start in range(0, len(controls), surface.batch_frames):

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.performance.character_motion import make_deformer
-from engine_bridge.performance.rig import Rig
+from engine_bridge.performance.prepared_character import PreparedCharacter
 from engine_bridge.rigging.joints import Joint
 from engine_bridge.rigging.skeleton import Skeleton, along_bones, from_t_pose
 from solver.motion.deformer import to_file_units
@@ -38,22 +38,22 @@ class BindPose:
         return np.einsum("nij,nj->ni", self.transforms[:, :3, :3], rest) + self.transforms[:, :3, 3]
 
 
-def t_pose(rig: Rig, skeleton: Skeleton) -> BindPose:
+def t_pose(prepared: PreparedCharacter, skeleton: Skeleton) -> BindPose:
     """Straighten a character.
 
     Each bone takes the rotation that undoes `from_t_pose`. Handles move with the first bone, as the trunk does.
 
     Parameters
     ----------
-    rig : Rig
+    prepared : PreparedCharacter
         With bones.
     skeleton : Skeleton
         Skeleton of its puppet.
     """
-    deformer = make_deformer(rig).another(ITERATIONS)
-    basis, bones = rig.puppet.character.basis, deformer.bones
+    deformer = make_deformer(prepared).another(ITERATIONS)
+    basis, bones = prepared.puppet.character.basis, deformer.bones
     turns = np.tile(np.eye(3), (len(bones), 1, 1))
-    for joint, turn in zip(skeleton.joints, from_t_pose(rig.puppet, skeleton.joints), strict=True):
+    for joint, turn in zip(skeleton.joints, from_t_pose(prepared.puppet, skeleton.joints), strict=True):
         if 0 <= joint.bone < len(bones):
             turns[joint.bone] = basis.T @ turn @ basis  # for row vectors: the inverse of the turn to rest
     motions = np.empty((len(bones), 4, 3))
@@ -62,8 +62,8 @@ def t_pose(rig: Rig, skeleton: Skeleton) -> BindPose:
         place = head if parent < 0 else head @ motions[parent, :3] + motions[parent, 3]
         motions[bone, :3], motions[bone, 3] = turns[bone], place - head @ turns[bone]
     R = deformer.solve(deformer.handles @ motions[0, :3] + motions[0, 3], motions)
-    shares = rig.model.position_matrix(rig.mesh.vertices)[:, 3::4]
-    controls = to_file_units(R, rig.model).astype(np.float64)
+    shares = prepared.model.position_matrix(prepared.mesh.vertices)[:, 3::4]
+    controls = to_file_units(R, prepared.model).astype(np.float64)
     blended = (shares @ controls.reshape(len(controls), 12)).reshape(-1, 3, 4)
     transforms = np.tile(np.eye(4), (len(blended), 1, 1))
     transforms[:, :3] = blended

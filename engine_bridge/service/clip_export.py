@@ -8,7 +8,7 @@ import numpy as np
 
 from engine_bridge.performance.channels import morph_weights
 from engine_bridge.performance.clip import Progress, load_timeline, solve
-from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.prepared_character import load_prepared
 from engine_bridge.performance.settings import Settings
 from engine_bridge.service.loading.service_file import name_from_stem
 from engine_bridge.service.protocol.clip_file import ClipFacts, beginning, frame_message
@@ -59,13 +59,15 @@ def write_clip(
     check_writable(output, ".clip", inputs=(log, puppet))
     timeline, notes = load_timeline(log, settings, animals=True)
     progress("Preparing the character", 0.0)
-    rig = load_rig(puppet)
-    character = StreamedCharacter.of(name, rig)
+    prepared = load_prepared(puppet)
+    character = StreamedCharacter.of(name, prepared)
     progress("Preparing the character", 1.0)
-    motion = solve(rig, timeline, settings, partial(progress, "Performing"))
-    count, moved = len(motion), morph_weights(rig.puppet, motion.channels)
+    motion = solve(prepared, timeline, settings, partial(progress, "Performing"))
+    count, moved = len(motion), morph_weights(prepared.puppet, motion.channels)
     still = np.zeros(count, np.float32)
-    weights = np.array([moved.get(target, still) for target in rig.puppet.targets], np.float32).reshape(-1, count).T
+    weights = (
+        np.array([moved.get(target, still) for target in prepared.puppet.targets], np.float32).reshape(-1, count).T
+    )
     facts = ClipFacts(name, character.revision, count, motion.fps, log.stem)
     with written_whole(output) as path, path.open("wb") as file:
         file.write(beginning(character, facts))
@@ -81,7 +83,7 @@ def write_clip(
         seconds=float(motion.times[-1]),
         vertices=len(character.rest),
         bytes=output.stat().st_size,
-        notes=(*rig.character.document.notes, *notes),
+        notes=(*prepared.character.document.notes, *notes),
     )
 
 

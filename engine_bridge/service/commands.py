@@ -140,12 +140,12 @@ class _Commands:
 
     def set_puppet(self, asked: requests.SetPuppet) -> dict[str, Any] | Deferred:
         _, player = self._editable(asked.character)
-        puppet = puppet_of(merged(_values(player), asked.puppet), player.character.rig.puppet.character.mesh)
+        puppet = puppet_of(merged(_values(player), asked.puppet), player.character.prepared.puppet.character.mesh)
         return self._show(asked.character, puppet)
 
     def set_handle(self, asked: requests.SetHandle) -> dict[str, Any]:
         runner, player = self._editable(asked.character)
-        puppet = player.character.rig.puppet
+        puppet = player.character.prepared.puppet
         names = [handle.name for handle in puppet.handle]
         if asked.handle not in names:
             raise unknown_name("the request, handle", f"no handle {asked.handle!r}", names)
@@ -157,14 +157,14 @@ class _Commands:
 
     def set_root(self, asked: requests.SetRoot) -> dict[str, Any]:
         runner, player = self._editable(asked.character)
-        puppet = player.character.rig.puppet
+        puppet = player.character.prepared.puppet
         changed = asked.model_dump(exclude_unset=True, exclude={"character"})
         root = None if asked.joint is None else (puppet.root or RootTable()).model_copy(update=changed)
         return self._remap(runner, player, puppet.model_copy(update={"root": root}))
 
     def set_scale(self, asked: requests.SetScale) -> dict[str, Any]:
         runner, player = self._editable(asked.character)
-        puppet = player.character.rig.puppet
+        puppet = player.character.prepared.puppet
         retarget = puppet.retarget.model_copy(update={"scale": asked.scale})
         return self._remap(runner, player, puppet.model_copy(update={"retarget": retarget}))
 
@@ -192,14 +192,14 @@ class _Commands:
     def _show(self, character: str, puppet: Puppet) -> dict[str, Any] | Deferred:
         """Apply another mapping now, or other limbs, handles or settings when they are computed."""
         runner, player = self._editable(character)
-        before = player.character.rig.puppet
+        before = player.character.prepared.puppet
         if has_same_model(before, puppet):
             self._remap(runner, player, puppet)
             return self._mirrored(player, puppet)
 
         def shown(loaded: CharacterPlayer) -> dict[str, Any]:
             runner, present = self._editable(character)
-            if present is not player or present.character.rig.puppet is not before:
+            if present is not player or present.character.prepared.puppet is not before:
                 raise ServiceError(
                     character,
                     found="a character that was edited or loaded again meanwhile",
@@ -223,7 +223,7 @@ class _Commands:
 
     def _mapping(self, player: CharacterPlayer) -> dict[str, Any]:
         """Return a character's puppet, and its mapping for clients of version 0.1."""
-        puppet = player.character.rig.puppet
+        puppet = player.character.prepared.puppet
         deviation = puppet.smoothing.max_deviation
         return {
             "character": player.character.name,
@@ -298,7 +298,7 @@ class _Commands:
             "revision": character.revision,
             "vertices": len(character.rest),
             "triangles": len(character.triangles),
-            "handles": [handle.name for handle in character.rig.puppet.handle],
+            "handles": [handle.name for handle in character.prepared.puppet.handle],
             "morphs": None if character.basis is None else list(character.basis.names),
             "performer": player.user,
             "take": None if take is None else take["take"],
@@ -309,7 +309,7 @@ class _Commands:
 
 def _values(player: CharacterPlayer) -> dict[str, Any]:
     """Return the values of a character's puppet, with mirroring as it is now."""
-    return merged(values_of(player.character.rig.puppet), {"retarget": {"mirror": player.motion.mirror}})
+    return merged(values_of(player.character.prepared.puppet), {"retarget": {"mirror": player.motion.mirror}})
 
 
 ARGUMENTS: dict[str, type[Table]] = {

@@ -270,7 +270,7 @@ class Service:
 
     def remap(self, runner: StageRunner, player: CharacterPlayer, puppet: Puppet) -> None:
         """Move a character's handles by other joints, and change its idle motion as soon as that is computed."""
-        if puppet == player.character.rig.puppet:
+        if puppet == player.character.prepared.puppet:
             return
         runner.remap(player, puppet)
         self._announce_characters()
@@ -289,7 +289,7 @@ class Service:
 
     def save(self, player: CharacterPlayer, result: Callable[[], Any]) -> Deferred:
         """Write a character's mapping into its puppet file; the answer is `result()`, called when it is written."""
-        write = partial(player.document.save, player.character.rig.puppet)
+        write = partial(player.document.save, player.character.prepared.puppet)
         return self._later(self._jobs.writing, write, lambda _: result())
 
     def show_frames(self, runner: StageRunner, frames: list[Frame]) -> None:

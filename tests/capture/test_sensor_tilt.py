@@ -3,7 +3,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from capture.clip import SkeletonClip
-from capture.pose import Pose
+from capture.sensor_pose import SensorPose
 from capture.sensor_tilt import SensorTilt, estimate_tilt
 from capture.skeleton import JOINT_INDEX, JOINTS
 
@@ -39,7 +39,7 @@ def test_a_performer_who_stands_upright_determines_the_tilt(upright, degrees, he
 
 def test_levelling_undoes_the_sensor_exactly(upright):
     np.testing.assert_allclose(SensorTilt(25.0, 1.4).upright(turned(upright, 25.0, 1.4)), upright, atol=1e-12)
-    pose = Pose.of_degrees(-15.0, 0.0, 90.0, np.array([0.0, 0.8, 0.0]))
+    pose = SensorPose.of_degrees(-15.0, 0.0, 90.0, np.array([0.0, 0.8, 0.0]))
     seen = (upright - pose.position) @ pose.rotation
     np.testing.assert_allclose(SensorTilt(-15.0, 0.8, 90.0).upright(seen), upright, atol=1e-12)
 

@@ -9,7 +9,7 @@ import pygltflib as gltf
 import pytest
 
 from capture.skeleton import JOINT_INDEX, JOINTS, LOST, SkeletonFrame
-from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.prepared_character import load_prepared
 
 from .. import recordings
 
@@ -347,9 +347,9 @@ def blob_puppet(blob_file, write_puppet):
 
 
 @pytest.fixture(scope="session")
-def blob_rig(blob_puppet):
+def prepared_blob(blob_puppet):
     """The figure's puppet, mesh and reduced model."""
-    return load_rig(blob_puppet)
+    return load_prepared(blob_puppet)
 
 
 @pytest.fixture(scope="session")
@@ -365,9 +365,9 @@ def limbed_puppet(blob_file, write_puppet):
 
 
 @pytest.fixture(scope="session")
-def limbed_rig(limbed_puppet):
+def limbed_figure(limbed_puppet):
     """The same, with its mesh and reduced model."""
-    return load_rig(limbed_puppet)
+    return load_prepared(limbed_puppet)
 
 
 @pytest.fixture

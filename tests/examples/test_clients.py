@@ -121,11 +121,11 @@ def service():
 def worms_targets():
     """Displacements of the worm's vertices by the targets of the recorded morphs."""
     record = load("tests/vectors/record.py")
-    rig = record.worm()
-    deformer = Deformer(rig.model, rig.mesh, rig.puppet.handle_positions)
-    binding = Binding(rig.model, rig.character.vertices, rig.mesh.of_render)
+    prepared = record.worm()
+    deformer = Deformer(prepared.model, prepared.mesh, prepared.puppet.handle_positions)
+    binding = Binding(prepared.model, prepared.character.vertices, prepared.mesh.of_render)
     rest, first, _, second = (
-        binding.vertices(to_file_units(deformer.solve(deformer.handles + pull), rig.model))
+        binding.vertices(to_file_units(deformer.solve(deformer.handles + pull), prepared.model))
         for pull in (*record.PULLS, record.IN_BETWEEN)
     )
     return UnitWeights.within(np.full(2, REACH)).targets(np.stack([first, second]) - rest)

@@ -11,7 +11,7 @@ import pytest
 
 from engine_bridge.character.examples import prepare
 from engine_bridge.performance.exercise import random_poses
-from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.prepared_character import load_prepared
 from engine_bridge.performance.settings import Settings
 from engine_bridge.service.clip_export import write_clip
 from engine_bridge.service.protocol.frame import Frame
@@ -28,13 +28,13 @@ from .stage import Stage, performed  # noqa: E402
 
 own_cache, glb, new_glb = figures.own_cache, figures.glb, figures.new_glb
 talking, limb_tables = figures.talking, figures.limb_tables
-make_shape, blob, blob_file, write_puppet, blob_puppet, blob_rig, limbed_puppet = (
+make_shape, blob, blob_file, write_puppet, blob_puppet, prepared_blob, limbed_puppet = (
     figures.make_shape,
     figures.blob,
     figures.blob_file,
     figures.write_puppet,
     figures.blob_puppet,
-    figures.blob_rig,
+    figures.prepared_blob,
     figures.limbed_puppet,
 )
 standing, dance, frames = figures.standing, figures.dance, figures.frames
@@ -74,7 +74,7 @@ def danced(blob_puppet, take):
 @pytest.fixture(scope="session")
 def solved(danced):
     """The vertices (F, N, 3) of these frames, and the diagonal."""
-    return np.array([frame.vertices_and_normals[0] for frame in danced]), danced[0].character.rig.mesh.diagonal
+    return np.array([frame.vertices_and_normals[0] for frame in danced]), danced[0].character.prepared.mesh.diagonal
 
 
 @pytest.fixture
@@ -124,13 +124,13 @@ def locked_figure(own_cache, commands, played, token_file, tmp_path_factory):
 def human(tmp_path_factory):
     """The example human."""
     _, puppet = prepare("human", tmp_path_factory.mktemp("example"))
-    return StreamedCharacter.of("figure", load_rig(puppet))
+    return StreamedCharacter.of("figure", load_prepared(puppet))
 
 
 @pytest.fixture(scope="session")
 def posed_human(human):
     """A frame in a random pose."""
-    controls, motions = random_poses(human.rig, 3)
+    controls, motions = random_poses(human.prepared, 3)
     R, root = controls[-1].astype(np.float64), np.array([0.3, 0.1, 0.2])
     return Frame(human, 1, 0.5, 0, "performing", 0, R, root, np.zeros((0, 3)), motions=motions[-1])
 
@@ -138,13 +138,13 @@ def posed_human(human):
 @pytest.fixture
 def spoken(talking):
     """Frames of a figure whose mesh has a target "jaw": silent, and in two poses in which it speaks."""
-    character = StreamedCharacter.of("talker", load_rig(talking(limbs=True)))
-    controls, motions = random_poses(character.rig, 3)
+    character = StreamedCharacter.of("talker", load_prepared(talking(limbs=True)))
+    controls, motions = random_poses(character.prepared, 3)
     return [
         Frame(
             *(character, number + 1, number / 30, 0, "performing", 0, controls[number].astype(np.float64)),
             np.array([0.1 * number, 0, 0]),
-            character.rig.puppet.handle_positions,
+            character.prepared.puppet.handle_positions,
             motions=motions[number],
             channels={"voice": voice},
         )

@@ -8,7 +8,7 @@ import numpy as np
 import zmq
 
 from engine_bridge.performance.clip import load_timeline, solve
-from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.prepared_character import load_prepared
 from engine_bridge.performance.settings import Settings
 from engine_bridge.service.protocol.frame import Frame
 from engine_bridge.service.protocol.header import FRAME_KINDS, WORDS, Header, Kind, join, topic_field, write_json
@@ -21,11 +21,11 @@ FPS = 30
 
 def performed(puppet, take, settings=None, basis=None):
     """Return the frames of a take, a few hundred at most."""
-    rig, settings = load_rig(puppet), settings or Settings()
+    prepared, settings = load_prepared(puppet), settings or Settings()
     timeline, _ = load_timeline(take, settings)
-    motion = solve(rig, timeline, settings)
-    character = StreamedCharacter.of(puppet.stem, rig, basis and basis(rig))
-    rest, poses = rig.puppet.handle_positions, [motion[k] for k in range(min(300, len(motion)))]
+    motion = solve(prepared, timeline, settings)
+    character = StreamedCharacter.of(puppet.stem, prepared, basis and basis(prepared))
+    rest, poses = prepared.puppet.handle_positions, [motion[k] for k in range(min(300, len(motion)))]
     return [
         Frame(
             *(character, k, (k - 1) / FPS, 0, "performing", 1, np.float64(pose.R), pose.root, rest), motions=pose.bones

@@ -9,7 +9,7 @@ import numpy as np
 from engine_bridge.character.character import make_character
 from engine_bridge.character.preparation import prepare
 from engine_bridge.export.live_basis import REACH, LiveBasis
-from engine_bridge.performance.rig import Rig
+from engine_bridge.performance.prepared_character import PreparedCharacter
 from engine_bridge.puppet import puppet_file
 from engine_bridge.service.protocol.frame import Frame
 from engine_bridge.service.protocol.header import FRAME_KINDS, Header, Kind, join, topic, topic_field, write_json
@@ -56,7 +56,7 @@ BEND = [[0.0, 0.0, -0.5], [0.0, 0.7, 0.4]]
 """Rotation vector of each of its bones relative to the bone's parent."""
 
 
-def worm(puppet: dict[str, object] = PUPPET) -> Rig:
+def worm(puppet: dict[str, object] = PUPPET) -> PreparedCharacter:
     """Make the character of a puppet."""
     vertices, faces = igl.upsample(*igl.icosahedron(), 2)
     vertices = vertices / np.linalg.norm(vertices, axis=1, keepdims=True) * [1.0, 3.0, 1.0]
@@ -67,17 +67,17 @@ def worm(puppet: dict[str, object] = PUPPET) -> Rig:
     checked = puppet_file.check(puppet, "worm")
     character = make_character("worm", vertices, faces, colors)
     given = character.vertices, character.triangles, checked.solver.parameters, None, "worm"
-    return Rig(checked, character, *prepare(*given, bones=bones_of(checked.limbs)))
+    return PreparedCharacter(checked, character, *prepare(*given, bones=bones_of(checked.limbs)))
 
 
 def frames() -> list[Frame]:
     """Pull the character about."""
-    rig = worm()
-    deformer = Deformer(rig.model, rig.mesh, rig.puppet.handle_positions)
+    prepared = worm()
+    deformer = Deformer(prepared.model, prepared.mesh, prepared.puppet.handle_positions)
     poses = [deformer.solve(deformer.handles + pull).copy() for pull in PULLS]
     targets = [poses[1], deformer.solve(deformer.handles + IN_BETWEEN)]
-    basis = LiveBasis(np.array([pose - poses[0] for pose in targets], dtype=np.float32), REACH, rig.model)
-    character = StreamedCharacter("worm", rig, 7, basis)
+    basis = LiveBasis(np.array([pose - poses[0] for pose in targets], dtype=np.float32), REACH, prepared.model)
+    character = StreamedCharacter("worm", prepared, 7, basis)
     return [
         Frame(
             character=character,
@@ -98,12 +98,12 @@ def frames() -> list[Frame]:
 
 def limbed_frame() -> Frame:
     """Bend the limb of the second character."""
-    rig = worm(PUPPET | {"handle": PUPPET["handle"][:1], "limb": [LIMB]})
-    deformer = Deformer(rig.model, rig.mesh, rig.puppet.handle_positions)
+    prepared = worm(PUPPET | {"handle": PUPPET["handle"][:1], "limb": [LIMB]})
+    deformer = Deformer(prepared.model, prepared.mesh, prepared.puppet.handle_positions)
     apart = np.column_stack([BEND, np.zeros((2, 3))])
     motions = moved_by(deformer.bones, np.tile(np.eye(4, 3), (2, 1, 1)), apart, 1.0)
     return Frame(
-        character=StreamedCharacter("limbed", rig, 8),
+        character=StreamedCharacter("limbed", prepared, 8),
         sequence=44,
         time=12.6,
         received=1_100_000_000,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from capture.sound_input import is_sound_file, open_sound
 from engine_bridge.export.live_basis import LiveBasis
-from engine_bridge.performance.rig import rig_of
+from engine_bridge.performance.prepared_character import prepared_of
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.puppet.puppet_document import PuppetDocument
 from engine_bridge.service.loading.service_file import (
@@ -51,9 +51,9 @@ def load_players(
         def load(puppet: Puppet) -> CharacterPlayer:
             for output in outputs:
                 output.check_puppet(name, puppet, document.path)
-            rig = rig_of(puppet, document.path)
-            basis = None if table.morphs is None else LiveBasis.load(folder / table.morphs, rig)
-            character = StreamedCharacter.of(name, rig, basis)
+            prepared = prepared_of(puppet, document.path)
+            basis = None if table.morphs is None else LiveBasis.load(folder / table.morphs, prepared)
+            character = StreamedCharacter.of(name, prepared, basis)
             character.prepare()  # now, so that the first client does not wait for it
             idle = None if table.idle is None else folder / table.idle
             loaded = CharacterPlayer(character, stage.player_settings, executor, idle)

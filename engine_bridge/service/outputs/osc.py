@@ -230,7 +230,7 @@ def _joints(base: str, frame: Frame) -> Iterator[bytes]:
 
 
 def _handles(base: str, frame: Frame) -> Iterator[bytes]:
-    names = part_names([handle.name for handle in frame.character.rig.puppet.handle])
+    names = part_names([handle.name for handle in frame.character.prepared.puppet.handle])
     targets = frame.targets.astype(np.float32)
     if names:
         yield bundle(*(encode(f"{base}/handle/{name}", target) for name, target in zip(names, targets, strict=True)))
@@ -259,7 +259,7 @@ def _vertices(base: str, frame: Frame) -> Iterator[bytes]:
 
 def _channels(base: str, frame: Frame) -> Iterator[bytes]:
     values = [encode(f"{base}/channel/{name}", value) for name, value in (frame.channels or {}).items()]
-    names = part_names(frame.character.rig.puppet.targets)
+    names = part_names(frame.character.prepared.puppet.targets)
     weights = zip(names, frame.targets_moved.tolist(), strict=True)
     values += [encode(f"{base}/target/{name}", weight) for name, weight in weights]
     if values:

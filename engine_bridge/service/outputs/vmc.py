@@ -64,7 +64,7 @@ def datagrams(frame: Frame, seconds: float) -> Iterator[bytes]:
         *(encode("/VMC/Ext/Bone/Pos", name, values) for name, values in zip(humanoid.names, placed, strict=True)),
     ]
     messages += _fingers(frame, dict(zip(humanoid.names, placed, strict=True)))
-    weights = zip(frame.character.rig.puppet.targets, frame.targets_moved.tolist(), strict=True)
+    weights = zip(frame.character.prepared.puppet.targets, frame.targets_moved.tolist(), strict=True)
     blends = [encode("/VMC/Ext/Blend/Val", name, weight) for name, weight in weights]
     messages += [*blends, encode("/VMC/Ext/Blend/Apply")] if blends else []
     yield from _bundles(messages)

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from capture.skeleton import SkeletonFrame
 from engine_bridge.performance.calibration import POSE_SECONDS, Calibration, RecentFrames, same_body
+from engine_bridge.performance.prepared_character import PreparedCharacter
 from engine_bridge.performance.retargeting import Retargeting
-from engine_bridge.performance.rig import Rig
 
 Calibrate = Literal["still", "at_once", "command"]
 """When to calibrate: after the first second without motion; after a moment, in any pose; or only by command."""
@@ -27,7 +27,7 @@ class PreparedCalibration:
     mirror : bool
     asked : float
         Time at which it was requested.
-    rig : Rig
+    prepared : PreparedCharacter
         The character when it was requested, whose mapping the retargeting applies.
     working : Future
         Computes the retargeting, which takes a tenth of a second.
@@ -36,7 +36,7 @@ class PreparedCalibration:
     calibration: Calibration
     mirror: bool
     asked: float
-    rig: Rig
+    prepared: PreparedCharacter
     working: Future[Retargeting]
 
     def retargeting(self) -> Retargeting:

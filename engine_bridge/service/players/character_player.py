@@ -79,13 +79,13 @@ class CharacterPlayer:
     def __init__(
         self, character: StreamedCharacter, settings: PlayerSettings, executor: Executor, idle: Path | None = None
     ) -> None:
-        rig = character.rig
+        prepared = character.prepared
         self.character = character
         self.user: int | None = None
         self.state: State = "waiting"
         self.follows_take = False
         self._settings, self._executor = settings, executor
-        self.motion = CharacterMotion(rig, ease=settings.ease)
+        self.motion = CharacterMotion(prepared, ease=settings.ease)
         self.motion.precompile()
         self._idle_log = idle
         self.motion.idle = self.make_idle()
@@ -93,7 +93,7 @@ class CharacterPlayer:
         self.shown: Appearance | None = None
         self.next_calibration: PreparedCalibration | None = None
         self._current: PreparedCalibration | None = None
-        self._watched = JointFilter(rig.puppet.smoothing.parameters)  # before the calibration
+        self._watched = JointFilter(prepared.puppet.smoothing.parameters)  # before the calibration
         self._automatic = AutomaticCalibration(settings.calibrate)
         self._sensor = SensorTilt(settings.tilt or 0.0, settings.height or 0.0)
         self._floor: SensorTilt | None = None  # measured from the floor in the image
@@ -149,9 +149,9 @@ class CharacterPlayer:
         the position in the present calibration, that calibration is prepared again.
         """
         first, self._floor, sensor = self._floor is None, sensor, self._with_settings(sensor)
-        prepared = self.next_calibration or self._current
-        if first and prepared is not None and not sensor.near(prepared.calibration.sensor, *MIN_TILT_CHANGE):
-            rest = prepared.calibration.rest
+        calibrated = self.next_calibration or self._current
+        if first and calibrated is not None and not sensor.near(calibrated.calibration.sensor, *MIN_TILT_CHANGE):
+            rest = calibrated.calibration.rest
             self._prepare(Calibration(rest, sensor.above_floor(rest)), time)
         if self._current is None:
             self._sensor = sensor
@@ -176,20 +176,24 @@ class CharacterPlayer:
         The idle motion is not computed here: see `make_idle` and `take_idle`.
         """
         self.character = self.character.remapped(puppet)
-        self.motion.remap(self.character.rig)
+        self.motion.remap(self.character.prepared)
         self._prepare_again(time)
 
     def make_idle(self) -> Motion[TargetPose] | None:
         """Compute the idle motion with the present mapping, which may take a second."""
-        rig, idle = self.character.rig, self.motion.idle
-        if self._idle_log is None or (idle is not None and idle.rig is rig):
+        prepared, idle = self.character.prepared, self.motion.idle
+        if self._idle_log is None or (idle is not None and idle.prepared is prepared):
             return idle
-        return idle_motion(self._idle_log, rig, self.motion.deformer)
+        return idle_motion(self._idle_log, prepared, self.motion.deformer)
 
     def take_idle(self, idle: Motion[TargetPose] | None, time: float) -> None:
         """Ease into a new idle motion, unless the mapping has changed since it was computed."""
         present = self.motion.idle
-        if idle is None or idle.rig is not self.character.rig or (present is not None and present.rig is idle.rig):
+        if (
+            idle is None
+            or idle.prepared is not self.character.prepared
+            or (present is not None and present.prepared is idle.prepared)
+        ):
             return  # several edits in a row are computed and eased once
         self.motion.idle = idle
         if self._current is None:
@@ -198,8 +202,8 @@ class CharacterPlayer:
     @property
     def settled(self) -> bool:
         """Whether the mapping is applied: for a moment after an edit, the character still moves as before."""
-        rig = self.character.rig
-        return all(each is None or each.rig is rig for each in (self._current, self.motion.idle))
+        prepared = self.character.prepared
+        return all(each is None or each.prepared is prepared for each in (self._current, self.motion.idle))
 
     def begin(self, time: float, recorded: Mapping[str, Any] | None = None) -> None:
         """Use the calibration that was requested last, after waiting for it if necessary.
@@ -217,11 +221,11 @@ class CharacterPlayer:
         """
         if recorded is not None and self.user is not None:
             self._take_recorded(recorded, time)
-        prepared, self.next_calibration = self.next_calibration, None
-        if prepared is None:
+        calibrated, self.next_calibration = self.next_calibration, None
+        if calibrated is None:
             return
         try:
-            retargeting = prepared.retargeting()
+            retargeting = calibrated.retargeting()
         except Exception as error:  # an impossible pose; the next second without motion gives another one
             raise ServiceError(
                 self.character.name,
@@ -229,7 +233,7 @@ class CharacterPlayer:
                 expected="the pose of a body",
                 fix="Stand still again, completely in view.",
             ) from error
-        self._current, self._sensor = prepared, prepared.calibration.sensor
+        self._current, self._sensor = calibrated, calibrated.calibration.sensor
         self.state = "performing"
         self.motion.follow(time, retargeting)
 
@@ -238,7 +242,7 @@ class CharacterPlayer:
         if self.next_calibration is not None and self.next_calibration.to_json() == recorded:
             return
         try:
-            prepared = self._recorded_calibration(recorded, time)
+            calibrated = self._recorded_calibration(recorded, time)
         except (KeyError, TypeError, ValueError) as error:
             raise ServiceError(
                 self.character.name,
@@ -247,7 +251,7 @@ class CharacterPlayer:
                 fix="Remove this cue from the take.",
             ) from error
         self._drop_next()
-        self.next_calibration = prepared
+        self.next_calibration = calibrated
 
     def perform(self, frame: SkeletonFrame, received: int) -> Frame:
         """Return the character's frame for a frame of the performer.
@@ -309,7 +313,7 @@ class CharacterPlayer:
     @property
     def _directs(self) -> bool:
         """Whether limbs follow directions, which need no rest pose."""
-        return any(limb.follow == "direction" for limb in self.character.rig.puppet.limb)
+        return any(limb.follow == "direction" for limb in self.character.prepared.puppet.limb)
 
     def _calibrate(self, rest: NDArray[np.float64], time: float) -> None:
         found = self._floor.above_floor(rest) if self._floor else estimate_tilt(rest) or self._sensor
@@ -327,9 +331,9 @@ class CharacterPlayer:
 
     def _prepare_again(self, time: float) -> None:
         """Apply a changed setting to the calibration, if there is one."""
-        prepared = self.next_calibration or self._current
-        if prepared is not None:
-            self._prepare(prepared.calibration, time)
+        calibrated = self.next_calibration or self._current
+        if calibrated is not None:
+            self._prepare(calibrated.calibration, time)
 
     def _drop_next(self) -> None:
         if self.next_calibration is not None:
@@ -339,7 +343,7 @@ class CharacterPlayer:
     def _preparing(self, calibration: Calibration, mirror: bool, asked: float) -> PreparedCalibration:
         rest = calibration.sensor.upright(calibration.rest)
         working = self._executor.submit(self.motion.retargeting, rest, mirror)
-        return PreparedCalibration(calibration, mirror, asked, self.character.rig, working)
+        return PreparedCalibration(calibration, mirror, asked, self.character.prepared, working)
 
     def _frame(
         self, time: float, received: int, pose: Pose, user: int | None = None, seen: SkeletonFrame | None = None
@@ -352,10 +356,10 @@ class CharacterPlayer:
 
     def remembered(self) -> dict[int, tuple[Calibration, float]]:
         """Return the calibrations of present and former performers, and when each was last shown."""
-        prepared = self._current or self.next_calibration
-        if self.user is None or prepared is None:
+        calibrated = self._current or self.next_calibration
+        if self.user is None or calibrated is None:
             return self._remembered
-        return self._remembered | {self.user: (prepared.calibration, self.motion.easing.shown_at)}
+        return self._remembered | {self.user: (calibrated.calibration, self.motion.easing.shown_at)}
 
     def remember(self, known: dict[int, tuple[Calibration, float]]) -> None:
         """Keep calibrations, up to the last `MAX_REMEMBERED`."""
@@ -363,7 +367,7 @@ class CharacterPlayer:
 
     def succeed(self, other: "CharacterPlayer") -> None:
         """Take over the performer, the calibrations and the shown pose from the player that this one replaces."""
-        if self.character.rig.puppet.retarget.mirror == other.character.rig.puppet.retarget.mirror:
+        if self.character.prepared.puppet.retarget.mirror == other.character.prepared.puppet.retarget.mirror:
             self.motion.mirror = other.motion.mirror
         self.remember(other.remembered())
         self._sensor, self._floor = other._sensor, other._floor
@@ -414,10 +418,10 @@ class CharacterPlayer:
             The value is not a snapshot.
         """
         state: State = "waiting" if snapshot["user"] is None else "calibrating"
-        prepared = (
+        calibrated = (
             None if snapshot["calibration"] is None else self._recorded_calibration(snapshot["calibration"], time)
         )
-        performer = None if prepared is None else prepared.retargeting()
+        performer = None if calibrated is None else calibrated.retargeting()
         if performer is not None:
             performer.stand(places_of(snapshot["standing"]))
             state = "performing"
@@ -439,7 +443,7 @@ class CharacterPlayer:
         self._floor = None if snapshot["floor"] is None else SensorTilt.of_json(snapshot["floor"])
         motion.mirror, self.user, self.state = bool(snapshot["mirror"]), snapshot["user"], state
         self._drop_next()
-        self._current = prepared
+        self._current = calibrated
         self.next_calibration = None if following is None else self._recorded_calibration(following, time)
         self._watched.reset()
         self._automatic.forget()

@@ -72,7 +72,7 @@ def frame_message(
     weights : (k,) float32
         Weights of the mesh's own morph targets, in the order of `Puppet.targets`.
     """
-    controls = to_file_units(R, character.rig.model)
+    controls = to_file_units(R, character.prepared.model)
     controls[:, :, 3] += root
     x, y, z = map(float, root)
     header = Header(

@@ -105,12 +105,12 @@ class Frame:
     @cached_property
     def targets_moved(self) -> NDArray[np.float32]:
         """(k,): weights of the mesh's own morph targets that channels move, in the order of `Puppet.targets`."""
-        return weights_at(self.character.rig.puppet, self.channels)
+        return weights_at(self.character.prepared.puppet, self.channels)
 
     @cached_property
     def controls(self) -> Controls:
         """(m, 3, 4) float32: transforms of rest positions, the root included."""
-        controls = to_file_units(self.R, self.character.rig.model)
+        controls = to_file_units(self.R, self.character.prepared.model)
         controls[:, :, 3] += self.root
         return controls
 

@@ -18,7 +18,7 @@ from engine_bridge.service.protocol.header import (
     topic,
     write_json,
 )
-from engine_bridge.service.protocol.scene import Scene
+from engine_bridge.service.protocol.scene import DecodedScene
 from engine_bridge.service.states import STATES
 from puppetline import clock
 
@@ -49,7 +49,7 @@ class Received(NamedTuple):
     ----------
     topic : str
     header : Header
-    body : Scene, (m, 3, 4) float32, Morphs, Vertices, (20, 4) or (h, 3) or (4j + 3t,) float32, dict, list or None
+    body : DecodedScene, (m, 3, 4) float32, Morphs, Vertices, (20, 4), (h, 3) or (4j + 3t,) float32, dict, list or None
         For a scene, controls, morphs, vertices of either kind, joints, handles, bones, and JSON; None for a kind that a
         later minor version has added.
     targets : (k,) float32
@@ -204,7 +204,7 @@ def _read_vertices16(payload: memoryview) -> Vertices:
 
 
 _BODIES: dict[Kind, Callable[[memoryview], Any]] = {
-    Kind.SCENE: Scene.decode,
+    Kind.SCENE: DecodedScene.decode,
     Kind.CONTROLS: lambda payload: _floats(payload, -1, 3, 4),
     Kind.MORPHS: _read_morphs,
     Kind.VERTICES: _read_vertices,

@@ -22,7 +22,7 @@ from engine_bridge.character.character import Character
 from engine_bridge.character.materials import drawn_normals, preview_colors
 from engine_bridge.character.schema import Primitive
 from engine_bridge.export.finger_animation import FingerBends, with_fingers
-from engine_bridge.performance.rig import Rig
+from engine_bridge.performance.prepared_character import PreparedCharacter
 from engine_bridge.puppet.humanoid_bones import HUMANOID_BONES
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.rigging.humanoid import humanoid_of, is_humanoid
@@ -56,7 +56,7 @@ class StreamedCharacter:
     ----------
     name : str
         Name in topics: ``[A-Za-z0-9_-]{1,32}``.
-    rig : Rig
+    prepared : PreparedCharacter
     revision : int
         32 bits of a hash of the scene and the morph targets. A new mapping does not change it, see `remapped`.
     basis : LiveBasis or None
@@ -64,37 +64,37 @@ class StreamedCharacter:
     """
 
     name: str
-    rig: Rig
+    prepared: PreparedCharacter
     revision: int
     basis: "LiveBasis | None" = None
 
     @classmethod
-    def of(cls, name: str, rig: Rig, basis: "LiveBasis | None" = None) -> Self:
+    def of(cls, name: str, prepared: PreparedCharacter, basis: "LiveBasis | None" = None) -> Self:
         """Return a character with the revision that follows from its scene and its morph targets."""
-        digest = hashlib.sha256(cls(name, rig, 0, basis).scene)
+        digest = hashlib.sha256(cls(name, prepared, 0, basis).scene)
         if basis is not None:
             digest.update(basis.targets.tobytes())
-        return cls(name, rig, int.from_bytes(digest.digest()[:4], "little"), basis)
+        return cls(name, prepared, int.from_bytes(digest.digest()[:4], "little"), basis)
 
     @cached_property
     def rest(self) -> NDArray[np.float64]:
         """(n, 3): rest positions, mesh file's coordinates."""
-        return self.rig.character.vertices
+        return self.prepared.character.vertices
 
     @cached_property
     def triangles(self) -> NDArray[np.int64]:
         """(t, 3)."""
-        return self.rig.character.triangles
+        return self.prepared.character.triangles
 
     @cached_property
     def normals(self) -> NDArray[np.float64]:
         """(n, 3): unit rest normals, rounded as clients receive them, so that clients compute the same tangents."""
-        return drawn_normals(self.rig.character).astype(np.float32).astype(np.float64)
+        return drawn_normals(self.prepared.character).astype(np.float32).astype(np.float64)
 
     @cached_property
     def binding(self) -> ShadedBinding:
         """The binding that turns controls into positions and normals."""
-        return ShadedBinding(self.rig.model, self.rest, self.rig.mesh.of_render, self.normals, self.triangles)
+        return ShadedBinding(self.prepared.model, self.rest, self.prepared.mesh.of_render, self.normals, self.triangles)
 
     def vertices_and_normals(self, controls: Controls, weights: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the positions, mesh file's coordinates, and the unit normals of a pose.
@@ -120,7 +120,7 @@ class StreamedCharacter:
     @cached_property
     def humanoid(self) -> Skeleton | None:
         """Its limbs as bones of a humanoid; None if it is not a humanoid."""
-        return humanoid_of(self.rig.puppet, self.rest) if is_humanoid(self.rig.puppet) else None
+        return humanoid_of(self.prepared.puppet, self.rest) if is_humanoid(self.prepared.puppet) else None
 
     @property
     def skeleton(self) -> Skeleton | None:
@@ -134,19 +134,19 @@ class StreamedCharacter:
 
     @cached_property
     def _with_fingers(self) -> tuple[Skeleton, FingerBends] | None:
-        made = Skeleton.along_bones(self.rig.puppet) if self.rig.puppet.limb else None
-        return None if made is None else with_fingers(made, self.rig.character.document)
+        made = Skeleton.along_bones(self.prepared.puppet) if self.prepared.puppet.limb else None
+        return None if made is None else with_fingers(made, self.prepared.character.document)
 
     @cached_property
     def handle_motions(self) -> HandleMotions | None:
         """Rigid motions of its handles; None if it has none."""
-        handles = self.rig.puppet.handle_positions
-        return HandleMotions(self.rig.model, self.rig.mesh, handles) if len(handles) else None
+        handles = self.prepared.puppet.handle_positions
+        return HandleMotions(self.prepared.model, self.prepared.mesh, handles) if len(handles) else None
 
     @cached_property
     def displacements(self) -> NDArray[np.float32]:
         """(k, n, 3): displacements by the mesh's own morph targets that channels move."""
-        moved = [own_targets.displacements(self.rig.character, name) for name in self.rig.puppet.targets]
+        moved = [own_targets.displacements(self.prepared.character, name) for name in self.prepared.puppet.targets]
         return np.array(moved, np.float32).reshape(-1, len(self.rest), 3)
 
     @cached_property
@@ -170,7 +170,7 @@ class StreamedCharacter:
         The description of its scene changes; its arrays and its revision stay.
         """
         other = copy(self)
-        vars(other)["rig"] = replace(self.rig, puppet=puppet)
+        vars(other)["rig"] = replace(self.prepared, puppet=puppet)
         for name in ("_with_fingers", "humanoid", "handle_motions", "displacements"):
             vars(other).pop(name, None)
         vars(other)["scene"] = with_description(self.scene, other)
@@ -178,7 +178,7 @@ class StreamedCharacter:
 
     def prepare(self) -> None:
         """Compute what the first frame and the first client would wait for, compiled code included."""
-        controls = to_file_units(self.rig.model.rest_controls, self.rig.model)
+        controls = to_file_units(self.prepared.model.rest_controls, self.prepared.model)
         quantised(*self.binding.vertices_and_normals(controls))
         self.digest, self.humanoid, self.handle_motions, self.displacements  # noqa: B018
         if self.skeleton is not None:
@@ -218,16 +218,16 @@ def _described(character: StreamedCharacter, directory: dict[str, Any], *arrays:
 
 def describe(character: StreamedCharacter) -> dict[str, Any]:
     """Return the description of a character, in JSON's types."""
-    rig, puppet = character.rig, character.rig.puppet
+    prepared, puppet = character.prepared, character.prepared.puppet
     return {
         "character": character.name,
         "revision": character.revision,
         "vertices": len(character.rest),
         "triangles": len(character.triangles),
-        "fields": len(rig.model.weights),
-        "isolines": rig.model.isolines,
-        "weights": rig.model.weights.tolist(),
-        "diagonal": float(rig.model.diagonal),
+        "fields": len(prepared.model.weights),
+        "isolines": prepared.model.isolines,
+        "weights": prepared.model.weights.tolist(),
+        "diagonal": float(prepared.model.diagonal),
         "bounds": [character.rest.min(axis=0).tolist(), character.rest.max(axis=0).tolist()],
         "up": puppet.character.up,
         "front": puppet.character.front,
@@ -241,7 +241,7 @@ def describe(character: StreamedCharacter) -> dict[str, Any]:
         "joints": list(JOINTS),
         "morphs": None if character.basis is None else list(character.basis.names),
         **({"targets": list(puppet.targets)} if puppet.targets else {}),
-        "parts": parts(rig.character),
+        "parts": parts(prepared.character),
     }
 
 
@@ -268,13 +268,13 @@ def bones(skeleton: Skeleton, puppet: Puppet) -> list[dict[str, Any]]:
 
 def scene_arrays(character: StreamedCharacter) -> dict[str, Array]:
     """Return a character's arrays by name, C-contiguous."""
-    rig, normals = character.rig, character.normals
-    isoline_coordinates = rig.model.isoline_coordinates[rig.mesh.of_render]
+    prepared, normals = character.prepared, character.normals
+    isoline_coordinates = prepared.model.isoline_coordinates[prepared.mesh.of_render]
     slopes = tangents.slopes(
         character.rest,
         character.triangles,
         isoline_coordinates,
-        rig.mesh.of_render,
+        prepared.mesh.of_render,
         normals,
         tangents.tangents(normals),
     )
@@ -283,9 +283,9 @@ def scene_arrays(character: StreamedCharacter) -> dict[str, Array]:
         "normals": normals,
         "ladder": isoline_coordinates,
         "slopes": slopes,
-        "uv": uv(rig.character),
-        "colors": preview_colors(rig.character),
-        "displacements": character.displacements if rig.puppet.targets else None,
+        "uv": uv(prepared.character),
+        "colors": preview_colors(prepared.character),
+        "displacements": character.displacements if prepared.puppet.targets else None,
     }
     return {
         "triangles": np.ascontiguousarray(character.triangles, dtype=TYPES["u32"]),
@@ -344,7 +344,7 @@ def _material(character: Character, primitive: Primitive) -> dict[str, Any]:
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class DecodedScene:
     """A decoded scene.
 
     Attributes
@@ -359,7 +359,7 @@ class Scene:
     arrays: dict[str, Array]
 
     @classmethod
-    def decode(cls, payload: bytes | memoryview) -> "Scene":
+    def decode(cls, payload: bytes | memoryview) -> "DecodedScene":
         """Read a scene payload.
 
         Raises

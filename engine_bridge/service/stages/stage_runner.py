@@ -267,11 +267,12 @@ class StageRunner:
         if not isinstance(event, Cue) or event.do != "begin":
             return
         for player in self.stage.players:
-            prepared = player.next_calibration
-            if player.character.name != event.arguments.get("character") or prepared is None:
+            calibrated = player.next_calibration
+            if player.character.name != event.arguments.get("character") or calibrated is None:
                 continue
-            pose = prepared.calibration.sensor.upright(prepared.calibration.rest)
-            bent = body.not_upright(pose) if any(limb.follow == "turn" for limb in prepared.rig.puppet.limb) else []
+            turns = any(limb.follow == "turn" for limb in calibrated.prepared.puppet.limb)
+            pose = calibrated.calibration.sensor.upright(calibrated.calibration.rest)
+            bent = body.not_upright(pose) if turns else []
             if bent:
                 log.warning(
                     "the performer did not stand upright with hanging arms; the character is at rest in that pose",

@@ -87,7 +87,7 @@ class TakeTrack:
 
     def fits(self, character: StreamedCharacter) -> bool:
         """Tell whether a character can show the frames; its mapping may have changed since they were computed."""
-        ours, theirs = self.character.rig, character.rig
+        ours, theirs = self.character.prepared, character.prepared
         return ours.model is theirs.model and len(ours.puppet.handle) == len(theirs.puppet.handle)
 
     def index(self, seconds: float) -> int:

@@ -7,7 +7,7 @@ from PIL import Image
 
 from capture.sound import read_wav
 from engine_bridge.film.takes import solve_take
-from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.prepared_character import load_prepared
 from engine_bridge.performance.settings import Settings
 from engine_bridge.pictures.clip_sheet import draw_character
 from puppetline.files import written_whole
@@ -26,10 +26,10 @@ def draw_take(puppet: Path, log: Path, path: Path, size: tuple[int, int] = SIZE)
     ------
     PuppetlineError
     """
-    rig = load_rig(puppet)
-    motion = solve_take(rig, log, Settings(fps=10.0), lambda _: None).motion
+    prepared = load_prepared(puppet)
+    motion = solve_take(prepared, log, Settings(fps=10.0), lambda _: None).motion
     chosen = np.linspace(0, len(motion) - 1, PICTURES).astype(int)
-    images = draw_character(rig, motion.R[chosen], motion.root[chosen], size)
+    images = draw_character(prepared, motion.R[chosen], motion.root[chosen], size)
     with written_whole(path) as beside:
         Image.fromarray(np.hstack(images)).save(beside, format=path.suffix[1:])
 

@@ -21,7 +21,7 @@ from engine_bridge.export.shader_mesh import write_shader_mesh
 from engine_bridge.film.film import make_video
 from engine_bridge.film.sharing import share_video
 from engine_bridge.inspection import files, sensors
-from engine_bridge.performance.rig import Rig, rig_of
+from engine_bridge.performance.prepared_character import PreparedCharacter, prepared_of
 from engine_bridge.performance.settings import Form, Settings
 from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.proposal import new_puppet
@@ -127,10 +127,10 @@ def save(_progress: Progress, saved: Path, folder: Path) -> None:
 
 
 def _applied(progress: Progress, puppet: Puppet, live: Path) -> dict[str, Any]:
-    rig = rig_of(puppet, live)
+    prepared = prepared_of(puppet, live)
     progress("Preparing the character", 0.5)
     puppet_file.dump(puppet, live)
-    digest = _digest(rig)
+    digest = _digest(prepared)
     notes, has_model = [], True
     model = live.with_name(MODEL)
     stamp = model.with_suffix(".txt")
@@ -145,20 +145,20 @@ def _applied(progress: Progress, puppet: Puppet, live: Path) -> dict[str, Any]:
     progress("Preparing the character", 1.0)
     return {
         "puppet": values_of(puppet),
-        "targets": own_targets.names_of(rig.character),
-        "vertices": len(rig.character.vertices),
-        "width": float(np.ptp(rig.character.vertices @ puppet.character.basis[0])) * puppet.character.scale,
-        "triangles": len(rig.character.triangles),
+        "targets": own_targets.names_of(prepared.character),
+        "vertices": len(prepared.character.vertices),
+        "width": float(np.ptp(prepared.character.vertices @ puppet.character.basis[0])) * puppet.character.scale,
+        "triangles": len(prepared.character.triangles),
         "digest": digest,
         "model": has_model,
-        "notes": [*notes, *rig.character.document.notes],
+        "notes": [*notes, *prepared.character.document.notes],
     }
 
 
-def _digest(rig: Rig) -> str:
+def _digest(prepared: PreparedCharacter) -> str:
     """Return a hash of what the page's model depends on."""
-    arrays = rig.model.isoline_coordinates.tobytes() + rig.character.vertices.tobytes()
-    return hashlib.sha256(arrays + "\0".join(rig.puppet.targets).encode()).hexdigest()
+    arrays = prepared.model.isoline_coordinates.tobytes() + prepared.character.vertices.tobytes()
+    return hashlib.sha256(arrays + "\0".join(prepared.puppet.targets).encode()).hexdigest()
 
 
 def values_of_file(_progress: Progress, path: Path) -> dict[str, Any]:

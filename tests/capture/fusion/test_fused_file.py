@@ -3,7 +3,7 @@ import pytest
 
 from capture.fusion.fused_file import load, write
 from capture.fusion.source import FusedSource, Member
-from capture.pose import Pose
+from capture.sensor_pose import SensorPose
 from capture.sources.registry import open_source
 from puppetline.errors import SkeletonLogError, SourceError
 
@@ -14,7 +14,7 @@ SECOND = '[[sensor]]\nsource = "osc:0"\nposition = [1, 0.5, 2]\n'
 
 
 def test_written_files_are_read_back(tmp_path):
-    pose = Pose.of_degrees(4.5, -75.25, 2.125, np.array([2.4, 0.3, -1.9]))
+    pose = SensorPose.of_degrees(4.5, -75.25, 2.125, np.array([2.4, 0.3, -1.9]))
     members = [Member("replay:a b.log", HERE), Member('osc:7110?units=mm&x="', pose, 0.0417)]
     write(tmp_path / "two.toml", members)
     for sensor, member in zip(load(tmp_path / "two.toml").sensor, members, strict=True):

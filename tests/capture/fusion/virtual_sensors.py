@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from capture.clip import SkeletonClip
-from capture.pose import Pose
+from capture.sensor_pose import SensorPose
 from capture.skeleton import INFERRED, JOINT_INDEX, OPPOSITE, TRACKED
 
 LEFT, RIGHT = JOINT_INDEX["shoulder_left"], JOINT_INDEX["shoulder_right"]
@@ -89,10 +89,10 @@ WALK, KUNG_FU = clean("walk"), clean("kung_fu")
 TURN = turning(WALK, 2.0, 7.0)
 """A performer who walks and turns around once."""
 
-HERE = Pose(np.eye(3), np.zeros(3))
+HERE = SensorPose(np.eye(3), np.zeros(3))
 """The pose of the first sensor."""
-BESIDE = Pose.of_degrees(4.0, -75.0, 2.0, np.array([2.4, 0.3, 1.9]))
+BESIDE = SensorPose.of_degrees(4.0, -75.0, 2.0, np.array([2.4, 0.3, 1.9]))
 """On the performer's right, facing the performer."""
-ACROSS = Pose.of_degrees(3.0, 75.0, -1.0, np.array([-2.4, 0.4, 2.0]))
+ACROSS = SensorPose.of_degrees(3.0, 75.0, -1.0, np.array([-2.4, 0.4, 2.0]))
 """On the performer's left, facing the performer."""
-BEHIND = Pose.of_degrees(8.0, 170.0, -1.0, np.array([0.4, 0.5, 5.5]))
+BEHIND = SensorPose.of_degrees(8.0, 170.0, -1.0, np.array([0.4, 0.5, 5.5]))

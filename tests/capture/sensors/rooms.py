@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from capture.pose import Pose
+from capture.sensor_pose import SensorPose
 from capture.trackers.picture import Lens
 
 LENS = Lens(640, 480, 525.0)
@@ -11,7 +11,7 @@ WALL, CEILING = 5.0, 3.0
 
 def room(tilt, roll, height, noise=0.0, *, table=False, floor=True, desk=0.0, wall=WALL):
     """Return the depth, in metres, of a room with floor, wall, ceiling and a board as the performer."""
-    pose = Pose.of_degrees(tilt, 0.0, roll, np.array([0.0, height, 0.0]))
+    pose = SensorPose.of_degrees(tilt, 0.0, roll, np.array([0.0, height, 0.0]))
     rows, columns = np.indices((LENS.height, LENS.width)) + 0.5
     rays = LENS.unproject(np.stack([columns, rows], axis=-1), np.ones(rows.shape)) @ pose.rotation.T
     x, y, z = np.moveaxis(rays, -1, 0)  # room coordinates; depth is the parameter of each ray

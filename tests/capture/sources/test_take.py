@@ -9,8 +9,8 @@ from capture.clip import SkeletonClip
 from capture.events import Cue, Lost, Tick
 from capture.formats.puppetline_log import events
 from capture.fusion.source import FusedSource, Member
-from capture.pose import Pose
 from capture.recording import as_recorded
+from capture.sensor_pose import SensorPose
 from capture.skeleton import SkeletonFrame
 from capture.sound import SAMPLE_RATE, Block
 from capture.sound_input import SoundInput
@@ -113,7 +113,7 @@ def test_the_error_of_a_source_is_reported_and_earlier_events_are_kept(tmp_path,
 
 
 def test_the_end_of_fused_recordings_is_no_error(tmp_path):
-    members = [Member(name, Pose(np.eye(3), np.zeros(3))) for name in ("one", "other")]
+    members = [Member(name, SensorPose(np.eye(3), np.zeros(3))) for name in ("one", "other")]
     times = [0.0, 0.05, 0.1]
     source = FusedSource(
         "fused:", members, lambda name: RecordingSource.of_clips(name, [make_clip(times)], False), True

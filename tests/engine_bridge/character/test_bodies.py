@@ -9,7 +9,7 @@ from engine_bridge.character.character import from_document, load_character, mak
 from engine_bridge.character.document_reader import load_document
 from engine_bridge.character.evaluation import Evaluation
 from engine_bridge.character.materials import preview_colors
-from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.prepared_character import load_prepared
 from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.proposal import new_puppet
 from puppetline.errors import PuppetError
@@ -79,7 +79,7 @@ def test_one_body_moves_and_everything_else_stays(hall, form, take, tmp_path):
     puppet = tmp_path / "hall.toml"
     puppet_file.dump(new_puppet(hall, puppet, body=2, up="y", front="z").puppet, puppet)
     pl.load(puppet).convert(take, tmp_path / "moved.glb", form=form)
-    document, own = load_document(tmp_path / "moved.glb"), load_rig(puppet).character
+    document, own = load_document(tmp_path / "moved.glb"), load_prepared(puppet).character
     times = np.linspace(0, 1, 5)
     for still in Evaluation(document, own.still).positions(times):
         assert_array_equal(still, np.concatenate([part.vertices for part in own.still]))

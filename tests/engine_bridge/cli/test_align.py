@@ -8,10 +8,10 @@ from numpy.testing import assert_allclose
 from puppetline.examples.performances import clean
 
 from capture.formats import read_log
-from capture.pose import Pose
+from capture.sensor_pose import SensorPose
 from capture.skeleton import SkeletonFrame
 
-POSE = Pose.of_degrees(4.0, -75.0, 2.0, np.array([2.4, 0.3, 1.9]))
+POSE = SensorPose.of_degrees(4.0, -75.0, 2.0, np.array([2.4, 0.3, 1.9]))
 CLOCK = 0.02
 
 

@@ -61,7 +61,7 @@ def in_python_meanwhile():
     ]
 
 
-def test_what_is_compiled_ahead_is_what_a_performance_needs(limbed_rig, standing, frames, dance):
+def test_what_is_compiled_ahead_is_what_a_performance_needs(limbed_figure, standing, frames, dance):
     compile_ahead.compile_ahead()
     functions = (
         *(each.compiled for each in (limb_motion._step, feet._step, arms._step, smoothing._filter, retarget._ease)),
@@ -71,21 +71,21 @@ def test_what_is_compiled_ahead_is_what_a_performance_needs(limbed_rig, standing
     ahead = [set(function.signatures) for function in functions]
     assert all(ahead)
     assert all(each.compiled.signatures for each in in_python_meanwhile())
-    performance = CharacterMotion(limbed_rig, standing)
+    performance = CharacterMotion(limbed_figure, standing)
     for frame in frames(dance())[:2]:
         pose = performance.step(frame)
-    build(limbed_rig.mesh, bones=limbed_rig.model.bones)
-    weights.fit(limbed_rig.model, limbed_rig.mesh, pose.R[None], pose.bones[None])
-    positions = batch.BatchBinding.of_solver_mesh(limbed_rig.model, limbed_rig.mesh).displacements(pose.R[None])
-    stretch.EdgeStretch(limbed_rig.mesh).add(positions)
-    vertices = limbed_rig.mesh.vertices
-    renderer.render(vertices, limbed_rig.mesh.faces, renderer.View.around(vertices), (8, 8))
+    build(limbed_figure.mesh, bones=limbed_figure.model.bones)
+    weights.fit(limbed_figure.model, limbed_figure.mesh, pose.R[None], pose.bones[None])
+    positions = batch.BatchBinding.of_solver_mesh(limbed_figure.model, limbed_figure.mesh).displacements(pose.R[None])
+    stretch.EdgeStretch(limbed_figure.mesh).add(positions)
+    vertices = limbed_figure.mesh.vertices
+    renderer.render(vertices, limbed_figure.mesh.faces, renderer.View.around(vertices), (8, 8))
     assert [set(function.signatures) for function in functions] == ahead
 
 
-def test_python_makes_the_same_motion_until_it_is_compiled(limbed_rig, standing, frames, dance, monkeypatch):
+def test_python_makes_the_same_motion_until_it_is_compiled(limbed_figure, standing, frames, dance, monkeypatch):
     def poses():
-        performance = CharacterMotion(limbed_rig, standing)
+        performance = CharacterMotion(limbed_figure, standing)
         return [np.vstack([*pose.bones, pose.R, pose.root[None]]) for pose in map(performance.step, frames(dance()))]
 
     expected = poses()

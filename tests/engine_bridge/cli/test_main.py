@@ -143,8 +143,8 @@ def test_a_folder_that_takes_no_files_is_found_out_before_the_work(assert_refuse
 
 
 def test_convert_prints_what_a_rig_and_a_vertex_cache_consist_of(invoke, stage):
-    rig = invoke("convert", "take.log", "--puppet", stage.name, "-o", "rig.glb", "--as", "rig")
-    assert re.search(r"joints         \d+ animated, \d+ follow, of a new skeleton; largest error 0\.0", rig.stdout)
+    prepared = invoke("convert", "take.log", "--puppet", stage.name, "-o", "rig.glb", "--as", "rig")
+    assert re.search(r"joints         \d+ animated, \d+ follow, of a new skeleton; largest error 0\.0", prepared.stdout)
     frames = invoke("convert", "take.log", "--puppet", stage.name, "-o", "frames.glb", "--as", "frames")
     assert "morph targets  58, one for each keyframe, exactly as solved" in frames.stdout
 

@@ -77,20 +77,20 @@ class Service:
 
 
 @pytest.fixture
-def playing(blob_rig, until_end, in_steps):
+def playing(prepared_blob, until_end, in_steps):
     def play(*names):
-        service = until_end(Service([StreamedCharacter(name, blob_rig, 1) for name in names]))
+        service = until_end(Service([StreamedCharacter(name, prepared_blob, 1) for name in names]))
         in_steps(service.step)
         return service
 
     return play
 
 
-def test_a_report_says_what_came(playing, blob_rig):
+def test_a_report_says_what_came(playing, prepared_blob):
     service = playing("dog", "cat")
     report = listen(service.address, kinds=("controls", "vertices"))
     assert [heard.topic for heard in report.heard] == ["cat/controls", "cat/vertices", "dog/controls", "dog/vertices"]
-    n = len(blob_rig.character.vertices)
+    n = len(prepared_blob.character.vertices)
     for heard in report.heard:
         size = 128 + (24 * n if "vertices" in heard.topic else 48 * 30)
         assert heard.bytes == heard.messages * size
@@ -101,7 +101,7 @@ def test_a_report_says_what_came(playing, blob_rig):
         assert heard.latency_ms["p99"] <= heard.latency_ms["max"]
         assert (heard.state, heard.user) == ("performing", 7)
     assert set(report.scenes) == {"dog", "cat"}
-    counts = {"vertices": n, "triangles": len(blob_rig.character.triangles)}
+    counts = {"vertices": n, "triangles": len(prepared_blob.character.triangles)}
     assert report.scenes["dog"].items() >= (counts | {"revision": 2}).items()  # requested again after the change
     assert report.refused == 0
     text = describe(report)

@@ -269,7 +269,7 @@ class Export:
 
     @property
     def diagonal(self):
-        return self.clip.motion.rig.mesh.diagonal
+        return self.clip.motion.prepared.mesh.diagonal
 
     @cached_property
     def raw(self):
@@ -318,9 +318,9 @@ def export(request, exported):
     return exported(*request.param)
 
 
-def solved_places(rig, frames):
+def solved_places(prepared, frames):
     """Return the float64 vertices (F, n, 3) of the solver's surface in frames, from W and R."""
-    model, mesh = rig.model, rig.mesh
+    model, mesh = prepared.model, prepared.mesh
     W = position_matrix(
         model.to_model(mesh.vertices), model.isoline_coordinates.astype(np.float64), model.weights, model.isolines
     )
@@ -329,8 +329,8 @@ def solved_places(rig, frames):
 
 def solved(clip):
     """Return the same of a clip, with the root's translation."""
-    root = 0 if clip.motion.rig.puppet.root is None else clip.motion.root[:][:, None]
-    return solved_places(clip.motion.rig, clip.motion.R[:]) + root
+    root = 0 if clip.motion.prepared.puppet.root is None else clip.motion.root[:][:, None]
+    return solved_places(clip.motion.prepared, clip.motion.R[:]) + root
 
 
 def primitives(made):

@@ -13,7 +13,7 @@ from engine_bridge.export.bake import DEFAULT_TOLERANCE, bake
 from engine_bridge.export.live_basis import LiveBasis
 from engine_bridge.performance.clip import load_timeline, solve
 from engine_bridge.performance.exercise import exercise
-from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.prepared_character import load_prepared
 from engine_bridge.performance.settings import Settings
 from puppetline.errors import OutputError, PuppetError, SkeletonLogError
 
@@ -34,13 +34,13 @@ def of_take(take, blob_puppet, folder):
     return summary, folder / "take.glb", stages
 
 
-def performed(rig, timeline):
+def performed(prepared, timeline):
     """The solver's frames (F, 4m, 3) float32 and roots (F, 3) of a timeline."""
-    motion = solve(rig, timeline, Settings())
+    motion = solve(prepared, timeline, Settings())
     return motion.R[:], motion.root[:]
 
 
-def places_from_weights(path, rig, weights):
+def places_from_weights(path, prepared, weights):
     """Positions (F, N, 3) of the vertices by the file's accessors, for weights of its last targets."""
     document = load_document(path)
     nodes, meshes, placed = document.gltf["nodes"], document.gltf["meshes"], []
@@ -52,26 +52,29 @@ def places_from_weights(path, rig, weights):
     return np.concatenate(placed, axis=1)
 
 
-def live_error(path, rig, log):
+def live_error(path, prepared, log):
     """The largest distance of vertices by live weights of a baked file from the solver's, over the diagonal."""
-    basis, (frames, _) = LiveBasis.load(path, rig), performed(rig, load_timeline(log, Settings())[0])
-    return error_of(basis, path, rig, frames)
+    basis, (frames, _) = LiveBasis.load(path, prepared), performed(prepared, load_timeline(log, Settings())[0])
+    return error_of(basis, path, prepared, frames)
 
 
-def error_of(basis, path, rig, frames):
-    there = places_from_weights(path, rig, np.array([basis.project(R).weights for R in frames]))
-    away = there - solved_places(rig, frames)[:, rig.mesh.of_render]
-    return np.linalg.norm(away, axis=-1).max() / rig.mesh.diagonal
+def error_of(basis, path, prepared, frames):
+    there = places_from_weights(path, prepared, np.array([basis.project(R).weights for R in frames]))
+    away = there - solved_places(prepared, frames)[:, prepared.mesh.of_render]
+    return np.linalg.norm(away, axis=-1).max() / prepared.mesh.diagonal
 
 
 def test_live_weights_put_vertices_where_the_solver_does_within_the_error_that_was_said(
-    of_take, take, blob_rig, assert_valid_gltf
+    of_take, take, prepared_blob, assert_valid_gltf
 ):
     """Frames are projected one by one, and evaluated with the rest positions and targets in the file."""
     summary, path, stages = of_take
     assert_valid_gltf(path)
-    basis, (frames, _) = LiveBasis.load(path, blob_rig), performed(blob_rig, load_timeline(take, Settings())[0])
-    assert error_of(basis, path, blob_rig, frames) == pytest.approx(summary.error, abs=1e-6)
+    basis, (frames, _) = (
+        LiveBasis.load(path, prepared_blob),
+        performed(prepared_blob, load_timeline(take, Settings())[0]),
+    )
+    assert error_of(basis, path, prepared_blob, frames) == pytest.approx(summary.error, abs=1e-6)
     shown = [basis.project(R) for R in frames]
     weights = np.array([each.weights for each in shown])
     assert np.sqrt(np.mean([each.residual**2 for each in shown])) == pytest.approx(summary.rms, rel=1e-3)
@@ -95,19 +98,19 @@ def test_the_roots_motion_is_in_no_target(record, standing, write_puppet, blob_f
 
 
 def test_two_logs_are_both_in_it_and_the_same_input_gives_the_same_bytes(
-    take, record, dance, blob_puppet, blob_rig, tmp_path
+    take, record, dance, blob_puppet, prepared_blob, tmp_path
 ):
     logs = take, record(tmp_path / "backwards.log", dance()[::-1] * [1, 1, 1.02])
     for name in ("a.glb", "b.glb"):
         summary = bake(blob_puppet, tmp_path / name, logs, tolerance=5e-4)
     assert summary.frames == 2 * 58
     for log in logs:
-        assert live_error(tmp_path / "a.glb", blob_rig, log) <= summary.error + 1e-6 <= 5e-4 + 1e-6
+        assert live_error(tmp_path / "a.glb", prepared_blob, log) <= summary.error + 1e-6 <= 5e-4 + 1e-6
     assert (tmp_path / "a.glb").read_bytes() == (tmp_path / "b.glb").read_bytes()
 
 
 def test_it_covers_a_performer_who_turns_round_though_none_of_the_recordings_does(
-    take, limbed_puppet, limbed_rig, dance, record, tmp_path
+    take, limbed_puppet, limbed_figure, dance, record, tmp_path
 ):
     """The dance of the recording, in which the performer turns once about the hips."""
     positions = dance()
@@ -115,20 +118,20 @@ def test_it_covers_a_performer_who_turns_round_though_none_of_the_recordings_doe
     hips = positions[:, :1]
     turning = record(tmp_path / "turning.log", (positions - hips) @ turns.transpose(0, 2, 1) + hips)
     bake(limbed_puppet, tmp_path / "a.glb", (take,))
-    assert live_error(tmp_path / "a.glb", limbed_rig, turning) < 0.01
+    assert live_error(tmp_path / "a.glb", limbed_figure, turning) < 0.01
 
 
-def test_without_logs_it_covers_performances_and_handles(blob_puppet, blob_rig, folder, assert_valid_gltf):
+def test_without_logs_it_covers_performances_and_handles(blob_puppet, prepared_blob, folder, assert_valid_gltf):
     path = folder / "nothing.glb"
     summary = bake(blob_puppet, path)
     assert_valid_gltf(path)
     timelines = [resample(make(), 30.0, 0.4) for make in PERFORMANCES.values()]
-    motions = [performed(blob_rig, timeline)[0] for timeline in timelines]
-    motions.append(np.concatenate(list(exercise(blob_rig, timelines[0].positions[0], 64))))
+    motions = [performed(prepared_blob, timeline)[0] for timeline in timelines]
+    motions.append(np.concatenate(list(exercise(prepared_blob, timelines[0].positions[0], 64))))
     assert summary.frames == sum(map(len, motions))
-    basis = LiveBasis.load(path, blob_rig)
+    basis = LiveBasis.load(path, prepared_blob)
     for frames in motions[:-1]:
-        assert error_of(basis, path, blob_rig, frames[::5]) <= summary.error + 1e-6
+        assert error_of(basis, path, prepared_blob, frames[::5]) <= summary.error + 1e-6
 
 
 def test_only_the_beginning_of_a_long_motion_is_an_animation(record, dance, blob_puppet, tmp_path, monkeypatch):
@@ -150,8 +153,8 @@ def test_all_parts_take_the_same_weights_after_the_targets_that_they_have(
     puppet = write_puppet(mesh.with_name(f"{name}_baked.toml"), mesh.name)
     summary = bake(puppet, output, (take,))
     assert_valid_gltf(output)
-    rig = load_rig(puppet)
-    assert live_error(output, rig, take) == pytest.approx(summary.error, abs=2e-6)
+    prepared = load_prepared(puppet)
+    assert live_error(output, prepared, take) == pytest.approx(summary.error, abs=2e-6)
 
 
 def test_a_file_that_was_baked_can_be_baked_again_with_a_limit_to_its_targets(of_take, take, write_puppet, tmp_path):
@@ -159,9 +162,9 @@ def test_a_file_that_was_baked_can_be_baked_again_with_a_limit_to_its_targets(of
     shutil.copy(of_take[1], tmp_path / "again.glb")
     puppet = write_puppet(tmp_path / "again.toml", "again.glb")
     summary = bake(puppet, tmp_path / "twice.glb", (take,), targets=4)
-    rig = load_rig(puppet)
-    assert summary.targets == len(LiveBasis.load(tmp_path / "twice.glb", rig).names) == 4
-    assert live_error(tmp_path / "twice.glb", rig, take) == pytest.approx(summary.error, abs=2e-6)
+    prepared = load_prepared(puppet)
+    assert summary.targets == len(LiveBasis.load(tmp_path / "twice.glb", prepared).names) == 4
+    assert live_error(tmp_path / "twice.glb", prepared, take) == pytest.approx(summary.error, abs=2e-6)
     assert summary.error > DEFAULT_TOLERANCE
 
 

@@ -15,7 +15,7 @@ from engine_bridge.export.convert import convert
 from engine_bridge.inspection.files import inspect
 from engine_bridge.performance import frame_store
 from engine_bridge.performance.clip import load_timeline
-from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.prepared_character import load_prepared
 from engine_bridge.performance.settings import Settings
 from puppetline.errors import OutputError, PuppetError, SkeletonLogError
 
@@ -60,19 +60,19 @@ def test_memory_hardly_grows_with_the_length_of_a_recording(dance, blob, write_p
     monkeypatch.setattr(frame_store, "MAX_MEMORY_BYTES", 1000)
     vertices, faces = igl.upsample(blob.vertices.astype(np.float64), blob.faces.astype(np.int64), 2)
     make_character("fine", vertices, faces).document.save(tmp_path / "fine.glb")
-    rig = load_rig(write_puppet(tmp_path / "fine.toml", "fine.glb"))
+    prepared = load_prepared(write_puppet(tmp_path / "fine.toml", "fine.glb"))
 
     def peak(frames):
         timeline = Timeline(30.0, dance(frames), np.ones((frames, len(JOINTS)), dtype=np.float32), ())
         tracemalloc.start()
         try:
-            module.convert_timeline(rig, timeline, tmp_path / "out.glb", "out", Settings(), ())
+            module.convert_timeline(prepared, timeline, tmp_path / "out.glb", "out", Settings(), ())
             return tracemalloc.get_traced_memory()[1]
         finally:
             tracemalloc.stop()
 
     peak(100)  # imports
-    positions = 12 * 400 * len(rig.mesh.vertices)
+    positions = 12 * 400 * len(prepared.mesh.vertices)
     assert positions > 100e6
     assert peak(500) - peak(100) < 0.2 * positions
 

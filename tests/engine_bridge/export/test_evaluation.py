@@ -13,7 +13,7 @@ from .conftest import add_animation, posed
 
 def test_every_export_is_at_any_time_where_its_posed_nodes_have_it(export):
     document, times = load_document(export.path), np.array([0.0, 0.51, 1.234, 9.0])
-    parts = export.clip.motion.rig.character.parts
+    parts = export.clip.motion.prepared.character.parts
     for time, found in zip(times, Evaluation(document, parts).positions(times), strict=True):
         shown = {(part.node, part.primitive): part for part in from_document(posed(document, time)).parts}
         expected = np.concatenate([shown[part.node, part.primitive].vertices for part in parts])

@@ -35,10 +35,10 @@ def test_three_plays_what_was_solved_within_the_error_that_is_printed_from_a_fil
     frames = slice(None, None, 3 if name in REAL else 1)
     expected = solved(clip)[frames]
     played = {each.part: each for each in play(export.path, len(expected)).meshes}
-    shown = [played.pop((part.node, part.primitive)) for part in clip.motion.rig.character.parts]
+    shown = [played.pop((part.node, part.primitive)) for part in clip.motion.prepared.character.parts]
     assert not played
-    away = np.concatenate([each.positions for each in shown], axis=1) - expected[:, clip.motion.rig.mesh.of_render]
-    worst = np.linalg.norm(away, axis=-1).max() / clip.motion.rig.mesh.diagonal
+    away = np.concatenate([each.positions for each in shown], axis=1) - expected[:, clip.motion.prepared.mesh.of_render]
+    worst = np.linalg.norm(away, axis=-1).max() / clip.motion.prepared.mesh.diagonal
     assert worst <= error + 2e-6
     if export.form != "rig":
         assert error <= export.summary.tolerance
@@ -52,7 +52,7 @@ def test_three_plays_what_was_solved_within_the_error_that_is_printed_from_a_fil
 def test_normals_are_those_of_the_moved_surface(exported, play, name, form, degrees):
     export = exported(name, form)
     seen = np.concatenate([part.normals for part in play(export.path, 20).meshes], axis=1)
-    assert np.percentile(normal_angles(seen, solved(export.clip)[::3], export.clip.motion.rig.mesh), 99) < degrees
+    assert np.percentile(normal_angles(seen, solved(export.clip)[::3], export.clip.motion.prepared.mesh), 99) < degrees
 
 
 ARRAYS = {"indices", "inverseBindMatrices", "input", "output"}
@@ -112,7 +112,7 @@ def test_content_that_does_not_move_is_kept_to_the_bit(export):
 def test_a_rig_at_rest_has_the_triangles_and_normals_of_its_character(exported, name):
     export = exported(name, "rig")
     made = {(part.node, part.primitive): part for part in load_character(export.path).parts}
-    for own in export.clip.motion.rig.character.parts:
+    for own in export.clip.motion.prepared.character.parts:
         part = made[own.node, own.primitive]
         assert_array_equal(part.triangles, own.triangles)
         if own.normals is not None:

@@ -9,7 +9,7 @@ from ..refusals import refused
 
 def test_a_cache_that_no_player_could_hold_is_refused_with_a_rate_that_fits(exported, tmp_path, monkeypatch):
     export, output = exported("textured", "frames"), tmp_path / "out.glb"
-    size, character = export.summary.bytes, export.clip.motion.rig.character
+    size, character = export.summary.bytes, export.clip.motion.prepared.character
     for share in (1.1, 0.9):  # the size that is reckoned with is that of the file
         monkeypatch.setattr(frames_animation, "MAX_CACHE_BYTES", int(size * share))
         if share > 1:

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from engine_bridge.character.document_reader import load_document
 from engine_bridge.export.bake import bake
 from engine_bridge.export.live_basis import EXTRAS, REACH, UNLIMITED_REACH, LiveBasis
-from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.prepared_character import load_prepared
 from puppetline.errors import PuppetError
 
 from ...fuzz.corpus import pack, unpack
@@ -24,48 +24,48 @@ class Baked:
     """A baked file, with expected results in float64 from W and the file's accessors."""
 
     path: Path
-    rig: object
+    prepared: object
     targets: np.ndarray  # (n, 3, K) of the solver's vertices, mesh units
 
     def moved(self, R):
         """(n, 3) displacements of the solver's vertices, mesh units."""
-        there, rest = solved_places(self.rig, np.array([R, self.rig.model.rest_controls]))
+        there, rest = solved_places(self.prepared, np.array([R, self.prepared.model.rest_controls]))
         return there - rest
 
     def left(self, R, weights):
         """Root mean square error of the targets, as a fraction of the diagonal."""
         away = self.moved(R) - self.targets @ weights.astype(np.float64)
-        return np.sqrt((away**2).sum(axis=1).mean()) / self.rig.mesh.diagonal
+        return np.sqrt((away**2).sum(axis=1).mean()) / self.prepared.mesh.diagonal
 
 
 @pytest.fixture(scope="module")
-def baked(take, blob_puppet, blob_rig, tmp_path_factory):
+def baked(take, blob_puppet, prepared_blob, tmp_path_factory):
     path = tmp_path_factory.mktemp("live basis") / "blob.morphs.glb"
     bake(blob_puppet, path, (take,), tolerance=1e-3)
     document = load_document(path)
     (primitive,) = document.gltf["meshes"][0]["primitives"]
     targets = np.stack([document.array(target["POSITION"]) for target in primitive["targets"]], axis=-1)
-    of_solver = np.unique(blob_rig.mesh.of_render, return_index=True)[1]
-    return Baked(path, blob_rig, targets[of_solver].astype(np.float64))
+    of_solver = np.unique(prepared_blob.mesh.of_render, return_index=True)[1]
+    return Baked(path, prepared_blob, targets[of_solver].astype(np.float64))
 
 
 @pytest.fixture(scope="module")
 def noise(baked):
     """Return a pose with random motion of a size."""
-    random, rest = np.random.default_rng(3), baked.rig.model.rest_controls
+    random, rest = np.random.default_rng(3), baked.prepared.model.rest_controls
     return lambda size: rest + random.normal(scale=size, size=rest.shape)
 
 
 @pytest.fixture(scope="module")
 def basis(baked):
-    return LiveBasis.load(baked.path, baked.rig)
+    return LiveBasis.load(baked.path, baked.prepared)
 
 
 @pytest.fixture(scope="module")
 def directions(baked):
     document = load_document(baked.path)
     kept = document.array(document.gltf["asset"]["extras"][EXTRAS]["directions"])
-    return kept.reshape(-1, *baked.rig.model.rest_controls.shape).astype(np.float64)
+    return kept.reshape(-1, *baked.prepared.model.rest_controls.shape).astype(np.float64)
 
 
 @settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -74,7 +74,7 @@ def test_poses_come_back_up_to_where_the_limit_begins_and_no_pose_takes_a_weight
     data, reach, baked, basis, directions
 ):
     """Each coordinate is limited separately, so that coordinates within the range do not change."""
-    model = baked.rig.model
+    model = baked.prepared.model
     mixed = data.draw(arrays(np.float64, len(directions), elements=st.floats(-reach, reach)))
     R = model.rest_controls + np.tensordot(mixed, directions, axes=1)
     # and whatever moves no vertex changes nothing
@@ -95,7 +95,7 @@ def test_poses_come_back_up_to_where_the_limit_begins_and_no_pose_takes_a_weight
 @pytest.mark.parametrize("size", [0, 1e-4, 0.01, 1.0])
 def test_the_residual_is_that_of_all_vertices_and_no_other_weights_are_nearer(baked, basis, noise, size):
     """The reference is a least-squares fit of the targets in the file over all vertices."""
-    rest, targets = baked.rig.model.rest_controls, baked.targets.reshape(-1, len(basis.names))
+    rest, targets = baked.prepared.model.rest_controls, baked.targets.reshape(-1, len(basis.names))
     R = noise(size)
     before = R.copy()
     projection = basis.project(R)
@@ -133,12 +133,12 @@ def test_the_same_surface_with_its_vertices_in_another_order_gets_the_same_weigh
     order = np.random.default_rng(1).permutation(len(blob.vertices))
     place = np.argsort(order)
     mesh = plain(new_glb, tmp_path, blob.vertices[order], np.random.default_rng(2).permutation(place[blob.faces]))
-    rig = load_rig(write_puppet(tmp_path / "other.toml", mesh.name))
-    assert not np.array_equal(rig.model.isoline_coordinates, baked.rig.model.isoline_coordinates)
-    R = baked.rig.model.rest_controls + np.random.default_rng(6).normal(
-        scale=0.02, size=baked.rig.model.rest_controls.shape
+    prepared = load_prepared(write_puppet(tmp_path / "other.toml", mesh.name))
+    assert not np.array_equal(prepared.model.isoline_coordinates, baked.prepared.model.isoline_coordinates)
+    R = baked.prepared.model.rest_controls + np.random.default_rng(6).normal(
+        scale=0.02, size=baked.prepared.model.rest_controls.shape
     )
-    other = LiveBasis.load(baked.path, rig).project(R)
+    other = LiveBasis.load(baked.path, prepared).project(R)
     assert_allclose(other.weights, basis.project(R).weights, rtol=1e-3, atol=1e-4)
 
 
@@ -148,7 +148,7 @@ def test_a_basis_for_another_mesh_is_refused(baked, blob, new_glb, write_puppet,
     faces = blob.faces if np.prod(change) > 0 else blob.faces[:, ::-1]
     mesh = plain(new_glb, tmp_path, (blob.vertices * np.float32(change)).astype(np.float32), faces)
     refused_place(
-        PuppetError, baked.path, LiveBasis.load, baked.path, load_rig(write_puppet(tmp_path / "a.toml", mesh.name))
+        PuppetError, baked.path, LiveBasis.load, baked.path, load_prepared(write_puppet(tmp_path / "a.toml", mesh.name))
     )
 
 
@@ -171,4 +171,4 @@ def test_damaged_or_missing_extras_are_refused_with_the_command_that_mends_them(
     gltf["asset"]["extras"] = {} if changed is None else {EXTRAS: extras}
     path = tmp_path / "a.glb"
     path.write_bytes(pack(gltf, binary))
-    assert "puppetline bake" in refused(PuppetError, LiveBasis.load, path, baked.rig).fix
+    assert "puppetline bake" in refused(PuppetError, LiveBasis.load, path, baked.prepared).fix

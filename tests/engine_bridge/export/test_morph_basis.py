@@ -4,7 +4,7 @@ import pytest
 from engine_bridge.export import morph_basis
 from engine_bridge.export.convert import write
 from engine_bridge.performance.clip import load_timeline, perform
-from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.prepared_character import load_prepared
 from engine_bridge.performance.settings import Settings
 from solver.model.batch import BatchBinding
 
@@ -13,9 +13,9 @@ from .conftest import Raw, solved, solved_places
 
 @pytest.fixture(scope="module")
 def clip(blob_file, take, write_puppet):
-    rig = load_rig(write_puppet(blob_file.with_name("morph.toml"), blob_file.name, root=False))
+    prepared = load_prepared(write_puppet(blob_file.with_name("morph.toml"), blob_file.name, root=False))
     timeline, notes = load_timeline(take, Settings())
-    return perform(rig, timeline, Settings(), notes, lambda _stage, _share: None)
+    return perform(prepared, timeline, Settings(), notes, lambda _stage, _share: None)
 
 
 @pytest.mark.parametrize("count", [2, 3, 5, 8])
@@ -23,7 +23,7 @@ def test_no_basis_of_that_size_is_closer(clip, tmp_path, count):
     """The bound of Eckart and Young has one direction fewer than targets, because the last target handles signs."""
     summary = write(clip, tmp_path / "a.glb", "clip", Settings(targets=count, tolerance=1e-9), lambda *_: None)
     assert summary.targets == count
-    made, mesh, moved = Raw(tmp_path / "a.glb"), clip.motion.rig.mesh, solved(clip)
+    made, mesh, moved = Raw(tmp_path / "a.glb"), clip.motion.prepared.mesh, solved(clip)
     assert (made.weights(0).min(), made.weights(0).max()) == (0, 1)
     (primitive,) = made.file.meshes[0].primitives
     targets = np.array([made.array(target["POSITION"]) for target in primitive.targets], dtype=np.float64)
@@ -46,11 +46,14 @@ def test_the_fewest_targets_within_the_tolerance_are_taken(clip, tmp_path, toler
 def test_the_spike_of_a_single_frame_and_vertex_is_not_missed(clip, monkeypatch):
     """The error is measured for all frames and vertices, not only for those of the estimate."""
     monkeypatch.setattr(morph_basis, "SAMPLE_SIZE", 3)
-    frames, binding = clip.motion.R[:].copy(), BatchBinding.of_solver_mesh(clip.motion.rig.model, clip.motion.rig.mesh)
+    frames, binding = (
+        clip.motion.R[:].copy(),
+        BatchBinding.of_solver_mesh(clip.motion.prepared.model, clip.motion.prepared.mesh),
+    )
     frames[17, 40:44] += 0.05
-    basis = morph_basis.fit(clip.motion.rig.model, binding, frames, tolerance=2e-4)
+    basis = morph_basis.fit(clip.motion.prepared.model, binding, frames, tolerance=2e-4)
     targets = basis.targets(binding).astype(np.float64)
-    played = clip.motion.rig.mesh.vertices + np.tensordot(basis.weights.astype(np.float64), targets, axes=1)
-    largest = np.linalg.norm(played - solved_places(clip.motion.rig, frames), axis=-1).max()
-    assert largest <= 2e-4 * clip.motion.rig.mesh.diagonal
+    played = clip.motion.prepared.mesh.vertices + np.tensordot(basis.weights.astype(np.float64), targets, axes=1)
+    largest = np.linalg.norm(played - solved_places(clip.motion.prepared, frames), axis=-1).max()
+    assert largest <= 2e-4 * clip.motion.prepared.mesh.diagonal
     assert basis.error == pytest.approx(largest, rel=1e-2)

@@ -10,7 +10,7 @@ from engine_bridge.character.scene import local_transform
 from engine_bridge.export.convert import convert
 from engine_bridge.export.own_skeleton import own_skeleton
 from engine_bridge.export.rig_file import RigSettings, write_rig
-from engine_bridge.performance.rig import load_rig, make_rig
+from engine_bridge.performance.prepared_character import load_prepared, make_prepared
 from engine_bridge.performance.settings import Settings
 from engine_bridge.puppet.proposal import new_puppet
 
@@ -69,19 +69,19 @@ def test_joints_beside_the_limbs_are_found(skinned, puppet_of, tmp_path, by):
     """Limbs that are found from the shape do not begin exactly at joints."""
     mesh = tmp_path / "skinned.glb"
     mesh.write_bytes(skinned.read_bytes())
-    found = own_skeleton(load_rig(puppet_of(mesh, by)))
+    found = own_skeleton(load_prepared(puppet_of(mesh, by)))
     assert (found.usable.missing, found.unmoved) == ((), ())
 
 
 def test_a_file_whose_skeleton_leaves_an_arm_still_gets_another_that_moves_it(stiff, puppet_of, take, tmp_path):
     puppet = puppet_of(stiff)
-    assert own_skeleton(load_rig(puppet)).unmoved == ("left arm",)
+    assert own_skeleton(load_prepared(puppet)).unmoved == ("left arm",)
     clip, summary = convert(take, puppet, tmp_path / "moved.glb", Settings())
     assert [note for note in summary.notes if "would not move left arm" in note]
-    shown = Evaluation(load_document(tmp_path / "moved.glb"), clip.motion.rig.character.parts)
+    shown = Evaluation(load_document(tmp_path / "moved.glb"), clip.motion.prepared.character.parts)
     found = np.array([*shown.positions(clip.motion.times)])
-    away = np.linalg.norm(found - solved(clip)[:, clip.motion.rig.mesh.of_render], axis=2)
-    assert away.max() <= (summary.error + summary.tolerance) * clip.motion.rig.mesh.diagonal
+    away = np.linalg.norm(found - solved(clip)[:, clip.motion.prepared.mesh.of_render], axis=2)
+    assert away.max() <= (summary.error + summary.tolerance) * clip.motion.prepared.mesh.diagonal
     rigged = write_rig(puppet, tmp_path / "rigged.glb", RigSettings())
     assert not rigged.kept
     assert [note for note in rigged.notes if "would not move left arm" in note]
@@ -112,5 +112,5 @@ def test_a_handle_gets_a_joint_in_a_new_skeleton(skinned, puppet_of, take, tmp_p
 def test_skeletons_that_once_left_arms_still_move_all_limbs(real_data, name):
     """Joints without names, and parts that follow nodes without a skin."""
     path = real_data / f"{name}.glb"
-    found = own_skeleton(make_rig(new_puppet(path, path).puppet, load_character(path)))
+    found = own_skeleton(make_prepared(new_puppet(path, path).puppet, load_character(path)))
     assert (found.usable.missing, found.unmoved) == ((), ())

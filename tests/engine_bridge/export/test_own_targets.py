@@ -10,7 +10,7 @@ from engine_bridge.character.character import load_character
 from engine_bridge.character.document_reader import load_document
 from engine_bridge.export.convert import write
 from engine_bridge.performance.clip import load_timeline, perform
-from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.prepared_character import load_prepared
 from engine_bridge.performance.settings import Settings
 
 from ..character.conftest import CORNERS, SIDES
@@ -24,7 +24,7 @@ def test_a_target_follows_its_channel(talking, take, tmp_path, assert_valid_gltf
     timeline, _ = load_timeline(take, settings)
     voice = np.clip(np.sin(np.arange(len(timeline.positions)) / 3), 0, 1).astype(np.float32)
     timeline = Timeline(timeline.fps, timeline.positions, timeline.confidence, (), channels={"voice": voice})
-    clip = perform(load_rig(talking(limbs)), timeline, settings, (), lambda *_: None)
+    clip = perform(load_prepared(talking(limbs)), timeline, settings, (), lambda *_: None)
     write(clip, tmp_path / "out.glb", "clip", settings, lambda *_: None)
     assert_valid_gltf(tmp_path / "out.glb")
     document = load_document(tmp_path / "out.glb", (tmp_path / "out.glb").read_bytes())

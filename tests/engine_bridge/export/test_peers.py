@@ -136,7 +136,7 @@ def hour(file, tmp_path_factory):
     """An hour at 30 frames per second, in which one second is played forwards and backwards in a loop."""
     made = file("textured", "morph")
     there_and_back = np.abs((np.arange(3600 * FPS + 1) + FRAMES - 1) % (2 * FRAMES - 2) - (FRAMES - 1))
-    motion, second = SolvedMotion(made.clip.motion.rig, FPS), [made.clip.motion[k] for k in range(FRAMES)]
+    motion, second = SolvedMotion(made.clip.motion.prepared, FPS), [made.clip.motion[k] for k in range(FRAMES)]
     for number in there_and_back:
         motion.append(second[number])
     clip = replace(made.clip, motion=motion, positions=made.clip.positions[there_and_back])

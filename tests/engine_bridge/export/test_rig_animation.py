@@ -330,12 +330,12 @@ def test_three_plays_real_characters_as_their_weights_blend_the_motions(
     puppet_file.dump(small, tmp_path / "puppet.toml")
     clip, summary = convert(take, tmp_path / "puppet.toml", output, Settings(form="rig"))
 
-    bones = rig_bones(character, clip.motion.rig.puppet.limbs)
+    bones = rig_bones(character, clip.motion.prepared.puppet.limbs)
     expected = blended(character, bones, clip.motion.bones[frames].astype(np.float64), clip.motion.root[frames])
     played = {each.part: each.positions for each in play(output, len(frames)).meshes}
     for part, place in zip(character.parts, character.vertex_slices, strict=True):
         away = np.abs(played.pop((part.node, part.primitive)) - expected[:, place])
-        assert away.max() < 1e-4 * clip.motion.rig.mesh.diagonal
+        assert away.max() < 1e-4 * clip.motion.prepared.mesh.diagonal
     assert not played
 
     before, after = validate(mesh), validate(output)

@@ -12,8 +12,8 @@ from engine_bridge.character.character import load_character
 from engine_bridge.character.materials import preview_colors
 from engine_bridge.cli.main import main
 from engine_bridge.export.shader_mesh import write_shader_mesh
-from engine_bridge.performance.rig import load_rig
-from engine_bridge.service.protocol.scene import Scene, StreamedCharacter
+from engine_bridge.performance.prepared_character import load_prepared
+from engine_bridge.service.protocol.scene import DecodedScene, StreamedCharacter
 from puppetline.errors import OutputError, PuppetError
 
 from ..refusals import refused, refused_place
@@ -26,7 +26,7 @@ def column(made, name):
 
 
 def scene_of(path):
-    return Scene.decode(StreamedCharacter("character", load_rig(path), 1).scene)
+    return DecodedScene.decode(StreamedCharacter("character", load_prepared(path), 1).scene)
 
 
 def assert_is_the_scene(made, scene):

@@ -129,7 +129,7 @@ def test_a_character_is_drawn_with_its_mouth_open_when_it_speaks(write_scene, ta
         monkeypatch.setattr(actor, "pose", lambda _, speaking=speaking: speaking)
         shown.append(surface.at(0)[0])
     moved = np.linalg.norm(shown[1] - shown[0], axis=1) / actor.footing.scale
-    expected = np.linalg.norm(own_targets.displacements(actor.rig.character, "jaw"), axis=1)
+    expected = np.linalg.norm(own_targets.displacements(actor.prepared.character, "jaw"), axis=1)
     assert_allclose(moved, expected, atol=0.05 * expected.max())
     assert_array_equal(shown[2], shown[0])
 

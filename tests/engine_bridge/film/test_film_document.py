@@ -61,12 +61,12 @@ def test_characters_are_where_their_takes_put_them(write_scene, play, assert_val
     np.testing.assert_allclose(played.times, np.arange(frames) / 30, atol=1e-5)
     assert len(played.meshes) == 2
     for actor, mesh in zip(production.actors, played.meshes, strict=True):
-        rig = actor.rig
-        binding = Binding(rig.model, rig.character.vertices, rig.mesh.of_render)
-        diagonal = actor.footing.scale * float(rig.model.diagonal)
+        prepared = actor.prepared
+        binding = Binding(prepared.model, prepared.character.vertices, prepared.mesh.of_render)
+        diagonal = actor.footing.scale * float(prepared.model.diagonal)
         for frame in range(frames):
             linear = actor.to_stage(frame)
-            expected = binding.vertices(to_file_units(actor.pose(frame).R, rig.model)) @ linear[:3] + linear[3]
+            expected = binding.vertices(to_file_units(actor.pose(frame).R, prepared.model)) @ linear[:3] + linear[3]
             assert np.abs(mesh.positions[frame] - expected).max() < 0.0006 * diagonal  # the tolerance of morph targets
 
 

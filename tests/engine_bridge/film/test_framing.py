@@ -123,15 +123,15 @@ def outside(production):
     begins = [round(table.at * production.fps) for table in production.scene.camera[1:]]
     count = 0
     for actor in production.actors:
-        binding = Binding.of_solver_mesh(actor.rig.model, actor.rig.mesh)
-        up = actor.rig.mesh.vertices @ actor.footing.basis[1]
+        binding = Binding.of_solver_mesh(actor.prepared.model, actor.prepared.mesh)
+        up = actor.prepared.mesh.vertices @ actor.footing.basis[1]
         crown = up > up.min() + CROWN_SHARE * np.ptp(up)
         for frame in range(production.frames):
             table = production.scene.camera[int(np.searchsorted(begins, frame, side="right"))]
             if table.show and actor.name not in table.show:
                 continue
             linear = actor.to_stage(frame)
-            placed = binding.vertices(to_file_units(actor.pose(frame).R, actor.rig.model)) @ linear[:3] + linear[3]
+            placed = binding.vertices(to_file_units(actor.pose(frame).R, actor.prepared.model)) @ linear[:3] + linear[3]
             if table.shot == "close":
                 high = placed[:, 1] > placed[:, 1].max() - UPPER_SHARE * actor.footing.height
                 placed = placed[crown | high]

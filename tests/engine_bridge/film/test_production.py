@@ -23,10 +23,10 @@ TAKE = '[[take]]\ncharacter = "a"\nfile = "TAKE"\n'
 def solved(take):
     """Return the control variables and the roots of the whole take, as `convert` computes them."""
 
-    def of(rig, log=take):
+    def of(prepared, log=take):
         settings = Settings()
         timeline, _ = load_timeline(log, settings)
-        return solve(rig, timeline, settings)
+        return solve(prepared, timeline, settings)
 
     return of
 
@@ -43,7 +43,7 @@ def test_calibrations_and_mirroring_in_the_middle_of_a_take_are_those_of_convert
     events = sorted([*cues, first, *others], key=lambda each: each.time)
     log = record_events(tmp_path / "mirrored.log", events)
     actor = produced(CHARACTER + TAKE.replace("TAKE", "mirrored.log")).actors[0]
-    expected, plain = solved(actor.rig, log), solved(actor.rig)
+    expected, plain = solved(actor.prepared, log), solved(actor.prepared)
     assert np.abs(expected.R[55] - plain.R[55]).max() > 0.01
     for frame in (0, 29, 31, 45, 57):
         assert_array_equal(actor.pose(frame).R, expected.R[frame])
@@ -52,7 +52,7 @@ def test_calibrations_and_mirroring_in_the_middle_of_a_take_are_those_of_convert
 def test_a_part_of_a_take_is_what_convert_makes_of_it_begins_at_its_time_and_holds_its_ends(produced, solved):
     production = produced(CHARACTER + TAKE + "at = 0.5\nstart = 0.4\nstop = 1.2\n[film]\nseconds = 3")
     actor = production.actors[0]
-    expected = solved(actor.rig)
+    expected = solved(actor.prepared)
     assert (production.frames, len(expected.R)) == (90, 58)
     for frame, row in ((0, 12), (15, 12), (16, 13), (39, 36), (40, 36), (89, 36)):
         assert_array_equal(actor.pose(frame).R, expected.R[row])
@@ -67,9 +67,9 @@ def test_a_muted_take_is_not_played(produced):
 
 def test_without_a_take_a_character_stays_at_rest_and_stands_on_the_floor_where_the_scene_says(produced):
     actor = produced(CHARACTER + "[film]\nseconds = 1").actors[0]
-    assert_allclose(actor.pose(7).R, actor.rig.model.rest_controls, atol=1e-7)
+    assert_allclose(actor.pose(7).R, actor.prepared.model.rest_controls, atol=1e-7)
     assert (actor.pose(7).root == 0).all()
-    vertices = actor.rig.character.vertices
+    vertices = actor.prepared.character.vertices
     linear = actor.to_stage(0)
     placed = vertices @ linear[:3] + linear[3]
     assert placed[:, 1].min() == pytest.approx(0, abs=1e-9)

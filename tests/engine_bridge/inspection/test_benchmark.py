@@ -7,7 +7,7 @@ from click.testing import CliRunner
 from engine_bridge.cli.main import main
 from engine_bridge.inspection import benchmark
 from engine_bridge.inspection.benchmark import CHARACTER, FIGURES, RATIOS
-from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.prepared_character import load_prepared
 from puppetline.errors import PuppetError, PuppetlineError
 
 
@@ -25,7 +25,7 @@ def test_an_error_of_the_process_is_raised_unchanged(tmp_path, monkeypatch):
     monkeypatch.setattr(benchmark, "prepare", lambda *_: {})
     monkeypatch.setattr(benchmark.tempfile, "TemporaryDirectory", lambda: nullcontext(str(tmp_path)))
     with pytest.raises(PuppetError) as direct:
-        load_rig(tmp_path / CHARACTER)
+        load_prepared(tmp_path / CHARACTER)
     with pytest.raises(PuppetlineError) as raised:
         benchmark.bench()
     assert str(raised.value) == str(direct.value)

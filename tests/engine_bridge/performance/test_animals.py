@@ -73,11 +73,11 @@ def test_four_feet_are_held_and_no_leg_steps(standing):
     assert steps(puppet(), standing) is not None
 
 
-def test_only_characters_on_four_legs_follow_an_animal(limbed_rig):
+def test_only_characters_on_four_legs_follow_an_animal(limbed_figure):
     with pytest.raises(SkeletonLogError, match="four-legged skeleton, for a character on 2 legs that step"):
         of_animal(puppet(LEGS[:2]))
     points = np.repeat(animal()[None], 3, axis=0)
     timeline = Timeline(30.0, points, np.ones((3, 20), np.float32), ())
-    assert len(list(poses(limbed_rig, timeline, Settings()))) == 3
+    assert len(list(poses(limbed_figure, timeline, Settings()))) == 3
     with pytest.raises(SkeletonLogError, match="a character on no legs that step"):
-        list(poses(limbed_rig, replace(timeline, legs=4), Settings()))
+        list(poses(limbed_figure, replace(timeline, legs=4), Settings()))

@@ -16,7 +16,7 @@ from engine_bridge.performance.channels import ChannelMotion, morph_weights
 from engine_bridge.performance.character_motion import mirrored
 from engine_bridge.performance.clip import TakeTimeline, load_timeline, solve
 from engine_bridge.performance.pose import TargetPose
-from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.prepared_character import load_prepared
 from engine_bridge.performance.settings import Settings
 from engine_bridge.puppet import puppet_file
 from puppetline.errors import PuppetError
@@ -109,9 +109,9 @@ def test_a_handle_moves_with_its_channel_along_axes_that_turn_with_the_trunk(blo
 
 
 def test_the_character_opens_its_mouth_when_the_performer_speaks(bent_puppet, limbed_puppet, loud_take):
-    rig, plain = load_rig(bent_puppet), load_rig(limbed_puppet)
+    prepared, plain = load_prepared(bent_puppet), load_prepared(limbed_puppet)
     timeline, _ = load_timeline(loud_take, Settings())
-    bent, same = (solve(each, timeline, Settings()) for each in (rig, plain))
+    bent, same = (solve(each, timeline, Settings()) for each in (prepared, plain))
     moved = np.abs(bent.bones[:] - same.bones[:]).max(axis=(1, 2, 3))
     quiet, loud = timeline.channels["voice"] == 0, timeline.channels["voice"] > 0.8
     assert moved[quiet].max() < 1e-6
@@ -131,7 +131,7 @@ def test_the_character_opens_its_mouth_when_the_performer_speaks(bent_puppet, li
 def test_a_wrong_target_or_channel_is_one_message(blob_puppet, tmp_path, more, where):
     path = tmp_path / "a.toml"
     path.write_text(blob_puppet.read_text().replace("blob.glb", str(blob_puppet.with_name("blob.glb"))) + more)
-    assert where in refused(PuppetError, load_rig, path).where
+    assert where in refused(PuppetError, load_prepared, path).where
 
 
 @pytest.mark.parametrize(("neutral", "full", "expected"), [(0.1, 0.6, [0, 0.5, 1]), (0.6, 0.1, [1, 0.5, 0])])
@@ -157,17 +157,17 @@ def test_a_channels_range_becomes_0_to_1_for_targets_and_limbs(bent_puppet, neut
 
 
 def test_a_mirrored_character_has_the_channels_of_the_other_side_while_the_take_mirrors(limbed_puppet, dance, standing):
-    rig = load_rig(limbed_puppet)
+    prepared = load_prepared(limbed_puppet)
     left = np.arange(1, 7, dtype=np.float32)
     given = {"point_left": left, "smile": left}
     take = TakeTimeline(30, dance(6), np.ones((6, 20), np.float32), (), channels=given, mirror=True)
     take = replace(take, later={2: (standing, None), 4: (standing, False)})
-    assert {name: values.tolist() for name, values in solve(rig, take, Settings()).channels.items()} == {
+    assert {name: values.tolist() for name, values in solve(prepared, take, Settings()).channels.items()} == {
         "point_left": [0, 0, 0, 0, 5, 6],
         "point_right": [1, 2, 3, 4, 0, 0],
         "smile": left.tolist(),
     }
     plain = Timeline(30, take.positions, take.confidence, (), channels=given)
     for mirrors, expected in ((False, given), (True, {"point_right": left, "smile": left})):
-        shown = solve(replace(rig, puppet=mirrored(rig.puppet, mirrors)), plain, Settings()).channels
+        shown = solve(replace(prepared, puppet=mirrored(prepared.puppet, mirrors)), plain, Settings()).channels
         assert {name: values.tolist() for name, values in shown.items()} == {n: v.tolist() for n, v in expected.items()}

@@ -3,28 +3,28 @@ import pytest
 
 from engine_bridge.performance.character_motion import make_deformer
 from engine_bridge.performance.exercise import exercise
+from engine_bridge.performance.prepared_character import load_prepared
 from engine_bridge.performance.retargeting import fit_sizes
-from engine_bridge.performance.rig import load_rig
 
 
-def handles_of(rig, rest):
+def handles_of(prepared, rest):
     """Displacements (F, h, 3) of the handles in each frame of the exercise, mesh units."""
-    R = np.concatenate(list(exercise(rig, rest, 64))).astype(np.float64)
-    deformer = make_deformer(rig)
-    rows = rig.model.rows(rig.mesh, deformer.handles)
-    return np.einsum("hj,fjx->fhx", rows, R - rig.model.rest_controls) * rig.mesh.diagonal
+    R = np.concatenate(list(exercise(prepared, rest, 64))).astype(np.float64)
+    deformer = make_deformer(prepared)
+    rows = prepared.model.rows(prepared.mesh, deformer.handles)
+    return np.einsum("hj,fjx->fhx", rows, R - prepared.model.rest_controls) * prepared.mesh.diagonal
 
 
 @pytest.fixture(scope="module")
 def free_rig(blob_file, write_puppet):
     """The figure with an automatic scale, so that its handles have a reach."""
     path = write_puppet(blob_file.with_name("free.toml"), blob_file.name, more="[solver]\nfields = 5\nisolines = 6\n")
-    return load_rig(path)
+    return load_prepared(path)
 
 
-def test_an_exercise_does_not_depend_on_the_number_of_frames_at_a_time(blob_rig, standing):
-    all_at_once = np.concatenate(list(exercise(blob_rig, standing, 10_000)))
-    np.testing.assert_array_equal(np.concatenate(list(exercise(blob_rig, standing, 7))), all_at_once)
+def test_an_exercise_does_not_depend_on_the_number_of_frames_at_a_time(prepared_blob, standing):
+    all_at_once = np.concatenate(list(exercise(prepared_blob, standing, 10_000)))
+    np.testing.assert_array_equal(np.concatenate(list(exercise(prepared_blob, standing, 7))), all_at_once)
 
 
 def test_each_handle_goes_alone_and_with_all_nearly_to_the_end_of_its_reach_and_never_beyond(free_rig, standing):
@@ -46,21 +46,21 @@ def test_each_handle_goes_alone_and_with_all_nearly_to_the_end_of_its_reach_and_
     assert np.abs(moved[:, head, 1]).max() < 0.002 * free_rig.mesh.diagonal  # its joint moves it along x and z only
 
 
-def test_with_a_scale_given_handles_go_as_far_as_the_performers_limbs_are_long(blob_rig, standing):
+def test_with_a_scale_given_handles_go_as_far_as_the_performers_limbs_are_long(prepared_blob, standing):
     """The scale is 1.3 units per metre, and the arm of 0.6 m is not limited by a reach."""
-    moved = handles_of(blob_rig, standing)
+    moved = handles_of(prepared_blob, standing)
     arm = 0.26 + 0.25 + 0.08
     assert np.linalg.norm(moved[:, 0], axis=-1).max() == pytest.approx(1.3 * arm, rel=0.05)
-    larger = handles_of(blob_rig, standing * 1.5)
+    larger = handles_of(prepared_blob, standing * 1.5)
     assert np.linalg.norm(larger[:, 0], axis=-1).max() == pytest.approx(1.5 * 1.3 * arm, rel=0.05)
 
 
-def test_bones_are_turned_alone_and_all_at_once(limbed_rig, standing):
-    rest = limbed_rig.model.rest_controls
-    R = np.concatenate(list(exercise(limbed_rig, standing, 64)))
-    bones = make_deformer(limbed_rig).bones
+def test_bones_are_turned_alone_and_all_at_once(limbed_figure, standing):
+    rest = limbed_figure.model.rest_controls
+    R = np.concatenate(list(exercise(limbed_figure, standing, 64)))
+    bones = make_deformer(limbed_figure).bones
     tips = bones.tails[[3, 5]] * 0.98 + bones.heads[[3, 5]] * 0.02  # of the forearms, within the surface
-    rows = limbed_rig.model.rows(limbed_rig.mesh, tips)
+    rows = limbed_figure.model.rows(limbed_figure.mesh, tips)
     moved = np.linalg.norm(np.einsum("hj,fjx->fhx", rows, R - rest), axis=2)
     assert {tuple(row) for row in (moved > 0.02).tolist()} >= {
         (False, False),

@@ -60,8 +60,8 @@ def test_a_raised_hand_lifts_the_front_leg_of_its_side(standing):
     assert [leg for leg, place in zip(legs, made.places, strict=True) if np.isnan(place).any()] == ["left front leg"]
 
 
-def test_two_legs_stand_on_the_floor_unless_the_puppet_says_otherwise(limbed_rig):
-    puppet = limbed_rig.puppet
+def test_two_legs_stand_on_the_floor_unless_the_puppet_says_otherwise(limbed_figure):
+    puppet = limbed_figure.puppet
     assert [(leg.thigh, leg.shin, leg.foot) for leg in legs_of(puppet)] == [(7, 8, -1), (9, 10, -1)]
     assert [leg.joint for leg in legs_of(puppet)] == [JOINT_INDEX["ankle_left"], JOINT_INDEX["ankle_right"]]
     assert legs_of(puppet.model_copy(update={"root": RootTable(feet="free")})) == ()

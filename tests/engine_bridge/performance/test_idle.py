@@ -14,13 +14,13 @@ def log(record_events, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def idle(log, blob_rig):
-    return idle_motion(log, blob_rig, make_deformer(blob_rig))
+def idle(log, prepared_blob):
+    return idle_motion(log, prepared_blob, make_deformer(prepared_blob))
 
 
-def test_an_idle_motion_loops_without_a_seam(idle, blob_rig):
+def test_an_idle_motion_loops_without_a_seam(idle, prepared_blob):
     shown = [idle.at(second) for second in np.arange(0, 30, 1 / 60)]
     steps = [np.linalg.norm(b.targets - a.targets, axis=1).max() for a, b in itertools.pairwise(shown)]
-    assert max(steps) < 0.03 * blob_rig.mesh.diagonal
-    assert np.ptp([places.targets for places in shown], axis=0).max() > 0.05 * blob_rig.mesh.diagonal
+    assert max(steps) < 0.03 * prepared_blob.mesh.diagonal
+    assert np.ptp([places.targets for places in shown], axis=0).max() > 0.05 * prepared_blob.mesh.diagonal
     assert np.linalg.norm([places.root for places in shown], axis=1).max() > 0.01

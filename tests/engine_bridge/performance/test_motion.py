@@ -16,13 +16,13 @@ def timeline(take):
 
 
 @pytest.fixture(scope="module")
-def motion(limbed_rig, timeline):
-    return solve(limbed_rig, timeline, Settings())
+def motion(limbed_figure, timeline):
+    return solve(limbed_figure, timeline, Settings())
 
 
-def test_a_solved_motion_keeps_its_poses_and_shows_them_at_their_times(motion, limbed_rig, timeline):
+def test_a_solved_motion_keeps_its_poses_and_shows_them_at_their_times(motion, limbed_figure, timeline):
     assert_array_equal(motion.times, timeline.times)
-    for number, pose in enumerate(poses(limbed_rig, timeline, Settings())):
+    for number, pose in enumerate(poses(limbed_figure, timeline, Settings())):
         shown = motion.at(number / motion.fps)
         for name in FIELDS:
             assert_allclose(getattr(motion[number], name), getattr(pose, name), atol=1e-5)
@@ -39,8 +39,8 @@ def test_between_two_poses_bones_stay_rigid_and_the_rest_is_linear_and_the_ends_
         assert_allclose(motion.at(seconds).bones, motion[number].bones, atol=1e-6)
 
 
-def test_a_loop_goes_from_its_last_pose_to_its_first_one(limbed_rig):
-    bones = np.tile(np.eye(4, 3), (len(limbed_rig.model.bones), 1, 1))
+def test_a_loop_goes_from_its_last_pose_to_its_first_one(limbed_figure):
+    bones = np.tile(np.eye(4, 3), (len(limbed_figure.model.bones), 1, 1))
     roots = np.array([[0.0, 0, 0], [1.0, 0, 0], [4.0, 0, 0]])
-    loop = Motion(limbed_rig, 2.0, [TargetPose(np.zeros((0, 3)), bones, root) for root in roots], loops=True)
+    loop = Motion(limbed_figure, 2.0, [TargetPose(np.zeros((0, 3)), bones, root) for root in roots], loops=True)
     assert_allclose([loop.at(t).root[0] for t in (0, 0.25, 1, 1.25, 1.5, 3.75)], [0, 0.5, 4, 2, 0, 2.5])

@@ -20,15 +20,15 @@ RAW = SmoothingTable(alpha=1, gamma=0, jitter_radius=0, max_deviation=float("inf
 
 
 @pytest.fixture(scope="module")
-def puppet(limbed_rig):
-    return limbed_rig.puppet.model_copy(update={"smoothing": RAW, "retarget": RetargetTable()})
+def puppet(limbed_figure):
+    return limbed_figure.puppet.model_copy(update={"smoothing": RAW, "retarget": RetargetTable()})
 
 
 @pytest.fixture(scope="module")
-def retargeting(limbed_rig):
+def retargeting(limbed_figure):
     def make(puppet, rest):
-        deformer = make_deformer(replace(limbed_rig, puppet=puppet))
-        return Retargeting(puppet, limbed_rig.mesh, deformer, rest), deformer.bones
+        deformer = make_deformer(replace(limbed_figure, puppet=puppet))
+        return Retargeting(puppet, limbed_figure.mesh, deformer, rest), deformer.bones
 
     return make
 

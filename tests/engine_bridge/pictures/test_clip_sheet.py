@@ -5,7 +5,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from capture.skeleton import JOINT_INDEX, OPPOSITE
 from engine_bridge.character.materials import preview_colors
 from engine_bridge.performance.clip import load_timeline, perform
-from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.prepared_character import load_prepared
 from engine_bridge.performance.settings import Settings
 from engine_bridge.pictures import clip_sheet
 
@@ -15,9 +15,9 @@ from ..export.conftest import solved_places
 @pytest.fixture(scope="module")
 def clip_of(take, record, tmp_path_factory):
     def make(puppet, log=take):
-        rig = load_rig(puppet)
+        prepared = load_prepared(puppet)
         timeline, notes = load_timeline(log, Settings())
-        return perform(rig, timeline, Settings(), notes, lambda _stage, _share: None)
+        return perform(prepared, timeline, Settings(), notes, lambda _stage, _share: None)
 
     return make
 
@@ -40,7 +40,7 @@ def drawn(monkeypatch):
 
 def solved_pose(clip, index):
     """Return the rendered vertices of a frame, without root motion."""
-    return solved_places(clip.motion.rig, clip.motion.R[[index]])[0][clip.motion.rig.mesh.of_render]
+    return solved_places(clip.motion.prepared, clip.motion.R[[index]])[0][clip.motion.prepared.mesh.of_render]
 
 
 def test_a_clip_sheet_shows_twelve_frames_from_first_to_last_and_follows_the_root(
@@ -52,7 +52,7 @@ def test_a_clip_sheet_shows_twelve_frames_from_first_to_last_and_follows_the_roo
     assert drawn["labels"] == [f"{index / 30:.2f} s" for index in chosen]
     for index, pose in zip(chosen, drawn["poses"], strict=True):
         assert_allclose(pose, solved_pose(clip, index) + clip.motion.root[index], atol=1e-5)
-    assert_array_equal(drawn["colors"][0], preview_colors(clip.motion.rig.character))
+    assert_array_equal(drawn["colors"][0], preview_colors(clip.motion.prepared.character))
     roots, centers = clip.motion.root[chosen], np.array([view.center for view in drawn["views"]])
     assert np.ptp(roots[:, 0]) > 0.1
     assert_allclose(centers - centers[0], roots - roots[0], atol=1e-6)
@@ -62,8 +62,8 @@ def test_a_clip_sheet_shows_twelve_frames_from_first_to_last_and_follows_the_roo
 def test_the_floor_of_a_character_with_limbs_is_where_it_stands_at_rest(clip_of, limbed_puppet, drawn, tmp_path):
     clip = clip_of(limbed_puppet)
     clip_sheet.draw(clip, tmp_path / "a.png", "title")
-    character = clip.motion.rig.character
-    rest = (character.vertices @ clip.motion.rig.puppet.character.basis.T)[:, 1].min()
+    character = clip.motion.prepared.character
+    rest = (character.vertices @ clip.motion.prepared.puppet.character.basis.T)[:, 1].min()
     assert [view.ground for view in drawn["views"]] == pytest.approx([rest] * 12)
     assert min(pose[:, 1].min() for pose in drawn["poses"]) != pytest.approx(rest)
 

@@ -10,12 +10,12 @@ from engine_bridge.character.character import Part
 from engine_bridge.character.materials import Appearance
 from engine_bridge.pictures.camera import Camera
 from engine_bridge.pictures.gpu_renderer import GpuRenderer
-from engine_bridge.pictures.gpu_scene import Overlay, Stage, Surroundings
+from engine_bridge.pictures.gpu_scene import Overlay, StageExtent, Surroundings
 
 pytest.importorskip("moderngl", reason="the extra film is not installed")
 
 SIZE = (160, 120)
-STAGE = Stage(np.zeros(3), 2.0, 2.0, 1.0)
+STAGE = StageExtent(np.zeros(3), 2.0, 2.0, 1.0)
 CAMERA = Camera(np.array([0.0, 0.8, 6.0]), np.array([0.0, 0.8, 0.0]), 30)
 PLAIN = Appearance(
     np.array([1, 0, 0, 1], np.float32), None, None, np.zeros((4, 2), np.float32), "OPAQUE", 0.5, True, True

@@ -3,7 +3,7 @@ import re
 import pytest
 
 from engine_bridge.character.character import load_character
-from engine_bridge.performance.rig import rig_of
+from engine_bridge.performance.prepared_character import prepared_of
 from engine_bridge.puppet.limb_nodes import limb_nodes, node_labels
 from engine_bridge.puppet.puppet import CharacterTable, LimbTable, Puppet
 from puppetline.errors import PuppetError
@@ -43,5 +43,5 @@ def test_nodes_of_another_mesh_are_refused(puppet, tmp_path):
         ({"points": ((1.0, 0.0, 0.0), (2.0, 0.0, 0.0))}, "'#4', which is 2 away from the limb"),
     ):
         with pytest.raises(PuppetError, match=re.escape(found)) as refused:
-            rig_of(with_limb(puppet, **values), tmp_path / "arm.toml")
+            prepared_of(with_limb(puppet, **values), tmp_path / "arm.toml")
         assert "arm.toml, [[limb]] 1 'arm', nodes" in str(refused.value)

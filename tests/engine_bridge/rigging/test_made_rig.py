@@ -9,48 +9,48 @@ from solver.skinning.weights import Weights, as_matrix
 
 
 @pytest.fixture(scope="module")
-def made(limbed_rig):
-    return make_rig(limbed_rig)
+def made(limbed_figure):
+    return make_rig(limbed_figure)
 
 
 @pytest.mark.parametrize("influences", [4, 8])
-def test_every_vertex_has_weights_of_a_few_joints_whose_sum_is_one(made, limbed_rig, influences):
-    rig = made if influences == 4 else make_rig(limbed_rig, influences=influences)
-    assert rig.weights.weights.shape == (len(limbed_rig.mesh.vertices), influences)
+def test_every_vertex_has_weights_of_a_few_joints_whose_sum_is_one(made, limbed_figure, influences):
+    rig = made if influences == 4 else make_rig(limbed_figure, influences=influences)
+    assert rig.weights.weights.shape == (len(limbed_figure.mesh.vertices), influences)
     assert_allclose(rig.weights.weights.astype(np.float64).sum(axis=1), 1, atol=1e-6)
     assert rig.weights.bones.max() < len(rig.skeleton.joints)
     assert rig.rms <= made.rms
 
 
-def test_weights_are_near_the_reduced_models_surface_in_other_poses(made, limbed_rig):
+def test_weights_are_near_the_reduced_models_surface_in_other_poses(made, limbed_figure):
     """The poses of another seed were not used for the fit."""
-    controls, motions = random_poses(limbed_rig, 40, seed=7)
-    motions = with_handles(limbed_rig, controls, motions)
+    controls, motions = random_poses(limbed_figure, 40, seed=7)
+    motions = with_handles(limbed_figure, controls, motions)
     of_bones = Weights(made.weights.weights, made.skeleton.bones[made.weights.bones].astype(np.uint16))
-    rms, error = distances(limbed_rig, of_bones, limbed_rig.mesh.vertices, controls, motions)
+    rms, error = distances(limbed_figure, of_bones, limbed_figure.mesh.vertices, controls, motions)
     assert rms < 0.01
     assert error < 0.1
     assert rms == pytest.approx(made.rms, rel=0.3)
 
 
-def test_rigs_are_the_same_each_time_and_made_once_for_clips(made, limbed_rig):
-    again = make_rig(limbed_rig)
+def test_rigs_are_the_same_each_time_and_made_once_for_clips(made, limbed_figure):
+    again = make_rig(limbed_figure)
     assert_array_equal(again.weights.weights, made.weights.weights)
     assert_array_equal(again.weights.bones, made.weights.bones)
-    assert made_rig(limbed_rig) is made_rig(limbed_rig)
+    assert made_rig(limbed_figure) is made_rig(limbed_figure)
 
 
-def test_in_a_t_pose_arms_are_level_legs_are_upright_and_the_rest_pose_comes_back(limbed_rig, made):
-    straight = make_rig(limbed_rig, in_t_pose=True)
+def test_in_a_t_pose_arms_are_level_legs_are_upright_and_the_rest_pose_comes_back(limbed_figure, made):
+    straight = make_rig(limbed_figure, in_t_pose=True)
     aims = {joint.name: joint.tail - joint.head for joint in straight.skeleton.joints}
     for name, aim in {"leftUpperArm": [1, 0, 0], "rightLowerArm": [-1, 0, 0], "leftUpperLeg": [0, -1, 0]}.items():
         assert_allclose(aims[name] / np.linalg.norm(aims[name]), aim, atol=1e-9)
     assert straight.rms < 1.5 * made.rms
-    placed = straight.bind.vertices(limbed_rig.mesh.vertices)
+    placed = straight.bind.vertices(limbed_figure.mesh.vertices)
     shares = as_matrix(straight.weights, len(straight.skeleton.joints)).toarray()
     elbow = straight.skeleton.names.index("leftLowerArm")
     forearm = shares[:, elbow : elbow + 2].sum(axis=1) > 0.9
     assert forearm.sum() > 10
     around = placed[forearm] - straight.skeleton.joints[elbow].head
-    assert np.abs(around[:, 1:]).max() < 0.1 * limbed_rig.mesh.diagonal  # the radius of the arm
-    assert around[:, 0].min() > -0.1 * limbed_rig.mesh.diagonal
+    assert np.abs(around[:, 1:]).max() < 0.1 * limbed_figure.mesh.diagonal  # the radius of the arm
+    assert around[:, 0].min() > -0.1 * limbed_figure.mesh.diagonal

@@ -54,17 +54,17 @@ def executor():
 
 
 @pytest.fixture(scope="module")
-def dog(blob_rig):
+def dog(prepared_blob):
     """Return the small figure as a character of a service."""
-    return StreamedCharacter("dog", blob_rig, 1)
+    return StreamedCharacter("dog", prepared_blob, 1)
 
 
 @pytest.fixture
-def make_player(blob_rig, executor):
+def make_player(prepared_blob, executor):
     """Make players of the small figure."""
 
-    def make(name="dog", settings=PLAYER_SETTINGS, idle=None, rig=blob_rig):
-        return CharacterPlayer(StreamedCharacter(name, rig, 1), settings, executor, idle)
+    def make(name="dog", settings=PLAYER_SETTINGS, idle=None, prepared=prepared_blob):
+        return CharacterPlayer(StreamedCharacter(name, prepared, 1), settings, executor, idle)
 
     return make
 

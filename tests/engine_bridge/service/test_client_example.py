@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.prepared_character import load_prepared
 
 from ...conftest import ROOT
 
@@ -28,7 +28,7 @@ def test_as_a_program_it_says_once_a_second_what_it_sees(serve, blob_puppet, sen
         program.terminate()
     numbers = [int(line["frame"]) for line in found]
     assert numbers == sorted(set(numbers))
-    rest = load_rig(blob_puppet).character.vertices
+    rest = load_prepared(blob_puppet).character.vertices
     for line in found:
         assert line["state"] == "waiting"  # for nobody is there
         for corner, expected in (("low", rest.min(axis=0)), ("high", rest.max(axis=0))):

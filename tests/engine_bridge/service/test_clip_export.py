@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from engine_bridge.inspection.files import inspect
 from engine_bridge.performance.clip import load_timeline, solve
-from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.prepared_character import load_prepared
 from engine_bridge.performance.settings import Settings
 from engine_bridge.service.clip_export import write_clip
 from engine_bridge.service.protocol.clip_file import read_clip
@@ -26,10 +26,10 @@ def written(take, blob_puppet, tmp_path_factory):
 
 def test_the_frames_are_those_of_convert_bit_for_bit(written, take, blob_puppet):
     _, output = written
-    rig = load_rig(blob_puppet)
+    prepared = load_prepared(blob_puppet)
     timeline, _ = load_timeline(take, Settings())
-    solved = solve(rig, timeline, Settings())
-    controls = to_file_units(solved.R[:], rig.model)
+    solved = solve(prepared, timeline, Settings())
+    controls = to_file_units(solved.R[:], prepared.model)
     controls[..., 3] += solved.root[:][:, None]
     _, _, *frames = read_clip(output.read_bytes())
     assert_array_equal([frame.body for frame in frames], controls)
@@ -42,9 +42,9 @@ def test_the_frames_are_those_of_convert_bit_for_bit(written, take, blob_puppet)
 def test_the_scene_is_the_one_that_a_service_sends(written, blob_puppet):
     summary, output = written
     _, scene, *_ = read_clip(output.read_bytes())
-    character = StreamedCharacter.of("dancer", load_rig(blob_puppet))
+    character = StreamedCharacter.of("dancer", load_prepared(blob_puppet))
     assert scene.header.revision == summary.revision == character.revision
-    assert StreamedCharacter.of("other", character.rig).revision != character.revision
+    assert StreamedCharacter.of("other", character.prepared).revision != character.revision
     assert scene.header.length == len(character.scene)
 
 

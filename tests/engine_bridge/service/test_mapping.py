@@ -32,11 +32,11 @@ def crossed(puppet):
     return other.model_copy(update={"root": RootTable(joint="spine", axes="x")})
 
 
-def test_the_character_eases_to_the_new_mapping_while_the_performer_continues(make_stage, kung_fu, blob_rig):
+def test_the_character_eases_to_the_new_mapping_while_the_performer_continues(make_stage, kung_fu, prepared_blob):
     stage = make_stage(player_settings=PlayerSettings(tilt=0.0, height=0.0))
     [player] = stage.players
-    puppet, edited_at = crossed(blob_rig.puppet), kung_fu[150].time
-    steady = largest_step(play(make_stage(), kung_fu), blob_rig.mesh.diagonal)
+    puppet, edited_at = crossed(prepared_blob.puppet), kung_fu[150].time
+    steady = largest_step(play(make_stage(), kung_fu), prepared_blob.mesh.diagonal)
     before = play(stage, kung_fu[:150])
     player.remap(puppet, edited_at)
     assert not player.settled
@@ -45,10 +45,10 @@ def test_the_character_eases_to_the_new_mapping_while_the_performer_continues(ma
     assert {(frame.state, frame.user) for frame in after} == {("performing", kung_fu[0].user)}
     numbers = [frame.sequence for frame in (*before, *after)]
     assert numbers == list(range(1, len(numbers) + 1))
-    assert largest_step([*before[-1:], *after], blob_rig.mesh.diagonal) <= 1.2 * steady
+    assert largest_step([*before[-1:], *after], prepared_blob.mesh.diagonal) <= 1.2 * steady
     # once eased over, it is what the offline pipeline makes of the new puppet with the same calibration
     rest = player.remembered()[kung_fu[0].user][0].rest
-    motion = CharacterMotion(replace(blob_rig, puppet=puppet), rest)
+    motion = CharacterMotion(replace(prepared_blob, puppet=puppet), rest)
     eased = 0
     for event, frame in zip(kung_fu[150:], after, strict=True):
         if event.time < edited_at + PREPARATION_SECONDS:
@@ -61,24 +61,27 @@ def test_the_character_eases_to_the_new_mapping_while_the_performer_continues(ma
     assert eased > 30
 
 
-def test_performers_who_arrive_after_an_edit_are_calibrated_for_it(make_stage, kung_fu, blob_rig):
-    edited, new = make_stage(), make_stage(rig=type(blob_rig)(**vars(blob_rig) | {"puppet": crossed(blob_rig.puppet)}))
-    edited.players[0].remap(crossed(blob_rig.puppet), 0.0)
+def test_performers_who_arrive_after_an_edit_are_calibrated_for_it(make_stage, kung_fu, prepared_blob):
+    edited, new = (
+        make_stage(),
+        make_stage(prepared=type(prepared_blob)(**vars(prepared_blob) | {"puppet": crossed(prepared_blob.puppet)})),
+    )
+    edited.players[0].remap(crossed(prepared_blob.puppet), 0.0)
     assert edited.players[0].settled
     assert apart(play(edited, kung_fu), play(new, kung_fu), "R").max() == 0
 
 
-def test_the_idle_motion_follows_the_last_mapping_without_a_jump(make_stage, take, blob_rig):
+def test_the_idle_motion_follows_the_last_mapping_without_a_jump(make_stage, take, prepared_blob):
     stage, unedited = make_stage(idle=take), make_stage(idle=take)
     [player] = stage.players
     before = play(stage, ticks(0.0, 1.0))
-    player.remap(crossed(blob_rig.puppet), 1.0)
+    player.remap(crossed(prepared_blob.puppet), 1.0)
     assert not player.settled
     still = play(stage, ticks(1.0, 0.5))
     play(unedited, ticks(0.0, 1.0))
     assert apart(still, play(unedited, ticks(1.0, 0.5)), "targets").max() == 0  # until it has been worked out
     superseded = player.make_idle()
-    player.remap(crossed(crossed(blob_rig.puppet)), 1.5)
+    player.remap(crossed(crossed(prepared_blob.puppet)), 1.5)
     player.take_idle(superseded, 1.5)
     assert not player.settled
     computed, again = player.make_idle(), player.make_idle()  # by the jobs of two edits in a row
@@ -89,8 +92,8 @@ def test_the_idle_motion_follows_the_last_mapping_without_a_jump(make_stage, tak
     player.take_idle(again, 2.5)  # eased once
     assert player.motion.idle is computed
     after += play(stage, ticks(2.5, 2.0))
-    steady = largest_step([*before, *still], blob_rig.mesh.diagonal)
-    assert largest_step([*before, *still, *after], blob_rig.mesh.diagonal) <= 1.5 * steady
+    steady = largest_step([*before, *still], prepared_blob.mesh.diagonal)
+    assert largest_step([*before, *still, *after], prepared_blob.mesh.diagonal) <= 1.5 * steady
     assert apart(after[30:60], before, "targets").max() > 0.1
 
 
@@ -220,7 +223,7 @@ def test_a_take_has_one_mapping(service):
 
 def test_the_idle_motion_is_computed_again_while_the_stream_continues(play, dog, take):
     service = play("--puppet", dog, "--source", "osc:0", "--idle", take)
-    foot = [handle.name for handle in service.player("dog").character.rig.puppet.handle].index("left foot")
+    foot = [handle.name for handle in service.player("dog").character.prepared.puppet.handle].index("left foot")
     service.ask("set_handle", character="dog", handle="left foot", joints="hand_left", gain=3)
     moved = [frame.targets[foot] - frame.root for frame in service.run(4.0)]
     assert_allclose(moved[0], [0.55, -1.65, 0.1], atol=0.05)

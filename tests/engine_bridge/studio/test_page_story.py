@@ -169,7 +169,7 @@ def test_every_frame_shows_the_poses_of_both_takes(studio, film):
     shots = Shots(production.scene.camera, production.extents(lambda *_: None), FPS, SIZE)
     half = SIZE[0] // 2
     for side, actor in zip((slice(0, half), slice(half, None)), production.actors, strict=True):
-        triangles, places = actor.rig.character.triangles, places_of(actor, production.frames)
+        triangles, places = actor.prepared.character.triangles, places_of(actor, production.frames)
         moving = np.linalg.norm(np.diff(places, axis=0), axis=2).max(axis=1)
         fastest = int(moving[10:-10].argmax()) + 10  # between this frame and the next one
         for frame in (10, fastest, len(frames) - 10):
@@ -183,9 +183,9 @@ def test_every_frame_shows_the_poses_of_both_takes(studio, film):
 
 def places_of(actor, frames):
     """Return where the vertices of a character are in each frame of the film, (F, n, 3), in metres."""
-    binding = Binding(actor.rig.model, actor.rig.character.vertices, actor.rig.mesh.of_render)
+    binding = Binding(actor.prepared.model, actor.prepared.character.vertices, actor.prepared.mesh.of_render)
     to_stage = [actor.to_stage(frame) for frame in range(frames)]
-    shown = [binding.vertices(to_file_units(actor.pose(frame).R, actor.rig.model)) for frame in range(frames)]
+    shown = [binding.vertices(to_file_units(actor.pose(frame).R, actor.prepared.model)) for frame in range(frames)]
     return np.array([each @ to[:3] + to[3] for each, to in zip(shown, to_stage, strict=True)])
 
 

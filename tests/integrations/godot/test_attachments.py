@@ -64,7 +64,7 @@ def test_they_lie_on_the_vertices(attach, stage, mode, parent):
 
 
 def test_morph_targets_carry_them_too(attach, new_stage, add_glb, blob_puppet, take, baked):
-    stage = new_stage(performed(blob_puppet, take, basis=lambda rig: LiveBasis.load(baked, rig)))
+    stage = new_stage(performed(blob_puppet, take, basis=lambda prepared: LiveBasis.load(baked, prepared)))
     all_of_it = stage.character.rest
     chosen = [0, len(all_of_it) // 2, len(all_of_it) - 1]
     attachments = ({"vertex": each} for each in chosen)
@@ -79,7 +79,7 @@ def test_morph_targets_carry_them_too(attach, new_stage, add_glb, blob_puppet, t
 
 def test_handles_limbs_and_rotations(attach, new_stage, limbed_puppet, take):
     stage = new_stage(performed(limbed_puppet, take))
-    rest, puppet = stage.character.rest, stage.character.rig.puppet
+    rest, puppet = stage.character.rest, stage.character.prepared.puppet
     limbs = {limb.name: limb for limb in puppet.limb}
     at_handle = np.linalg.norm(rest - np.array(puppet.handle[0].position), axis=1).argmin()
     attachments = [

@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 from engine_bridge.performance.character_motion import make_deformer
-from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.prepared_character import load_prepared
 from engine_bridge.service.protocol.quantisation import quantised
 from engine_bridge.service.protocol.scene import StreamedCharacter
 from solver.motion.deformer import to_file_units
@@ -28,17 +28,17 @@ def figure(blob, new_glb, write_puppet, tmp_path_factory):
 
 def write_payloads(puppet, folder):
     """Write what a service would send of a puppet, at rest and bent."""
-    rig = load_rig(puppet)
-    character = StreamedCharacter("figure", rig, 1)
+    prepared = load_prepared(puppet)
+    character = StreamedCharacter("figure", prepared, 1)
     (folder / "scene.bin").write_bytes(character.scene)
-    deformer, random = make_deformer(rig), np.random.default_rng(3)
-    pulled = deformer.handles + rig.mesh.diagonal * random.uniform(-0.15, 0.15, deformer.handles.shape)
+    deformer, random = make_deformer(prepared), np.random.default_rng(3)
+    pulled = deformer.handles + prepared.mesh.diagonal * random.uniform(-0.15, 0.15, deformer.handles.shape)
     bones = deformer.bones
     rest = np.tile(np.eye(4, 3), (len(bones), 1, 1))
     turns = np.hstack([random.uniform(-0.5, 0.5, (len(bones), 3)), np.zeros((len(bones), 3))])
     bent = deformer.solve(pulled, moved_by(bones, rest, turns, 1.0))
-    for name, R in (("rest", rig.model.rest_controls), ("bent", bent)):
-        controls = to_file_units(R, rig.model)
+    for name, R in (("rest", prepared.model.rest_controls), ("bent", bent)):
+        controls = to_file_units(R, prepared.model)
         (folder / f"{name}.bin").write_bytes(controls.tobytes())
         vertices = np.stack(character.binding.vertices_and_normals(controls)).astype("<f4")
         (folder / "vertices.bin").write_bytes(vertices.tobytes())

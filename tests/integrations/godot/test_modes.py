@@ -60,7 +60,7 @@ def check_shader(start_godot, screen, read_pixels, tmp_path):
         asked |= {"file": str(tmp_path / "pixels")}
         told = start_godot("shade_puppet.gd", json.dumps(asked), screen=screen()).finish(600)
         told = [result for result in told if "sequence" in result]
-        weights, slopes = stage.character.rig.model.weights, np.abs(stage.character.binding._slopes)
+        weights, slopes = stage.character.prepared.model.weights, np.abs(stage.character.binding._slopes)
         # by how many isolines places change at most over a diagonal along the surface
         steepest = diagonal * np.linalg.norm(np.einsum("e,nex->nx", weights, slopes), axis=1).max()
         shown = read_pixels(tmp_path / "pixels", 3, len(rest), box)
@@ -117,13 +117,13 @@ def test_morphs_are_as_near_as_the_service_says_though_the_root_is_elsewhere_tur
         '[node name="Moved" instance=ExtResource("1")]\n'
         "transform = Transform3D(0, 0, 2, 0, 2, 0, -2, 0, 0, 0.5, -2, 1)\n"
     )
-    stage = new_stage(performed(blob_puppet, take, basis=lambda rig: LiveBasis.load(baked, rig)))
+    stage = new_stage(performed(blob_puppet, take, basis=lambda prepared: LiveBasis.load(baked, prepared)))
     rest, shown = show(stage, mode=MORPHS, mesh_source="res://moved.tscn")
     to_file = np.linalg.inv([[0, 0, 2], [0, 2, 0], [-2, 0, 0]]).T
     # the importer has an order of its own
     near, number = cKDTree(stage.character.rest).query((rest - [0.5, -2, 1]) @ to_file)
     assert near.max() <= ALIKE * stage.diagonal
-    once = np.unique(stage.character.rig.mesh.of_render[number], return_index=True)[1]
+    once = np.unique(stage.character.prepared.mesh.of_render[number], return_index=True)[1]
     for told, positions in shown:
         expected, _ = vertices_and_normals(stage, between(stage, told, controls_of))
         away = (positions - [0.5, -2, 1]) @ to_file - expected[number]

@@ -136,7 +136,7 @@ def test_frames_of_the_service_become_signals(receive, danced):
     output.close()
     script.until(lambda told: told["signal"] == "performer")
     told = {each.pop("signal"): each for each in script.end()[1:]}
-    known, handles = [*range(3), *range(4, len(JOINTS))], frame.character.rig.puppet.handle
+    known, handles = [*range(3), *range(4, len(JOINTS))], frame.character.prepared.puppet.handle
     assert [each.pop("of") for each in told.values()] == ["blob"] * 4
     assert told["joints"]["names"] == [JOINTS[joint] for joint in known]
     assert told["handles"]["names"] == [handle.name.replace(" ", "_") for handle in handles]

@@ -49,10 +49,10 @@ def first_hit(corners, ray):
 
 
 def check_rays(cast, stage, count, tolerance=1e-4, **settings):
-    rig = stage.character.rig
-    stage.is_playing, rays = True, random_rays(rig.mesh, count)
-    told, positions = cast(stage.port, rays, rig.character.vertices, **settings)
-    corners = positions[rig.character.triangles]
+    prepared = stage.character.prepared
+    stage.is_playing, rays = True, random_rays(prepared.mesh, count)
+    told, positions = cast(stage.port, rays, prepared.character.vertices, **settings)
+    corners = positions[prepared.character.triangles]
     hits = 0
     for ray, each in zip(rays, told, strict=True):
         share, which = first_hit(corners, ray)
@@ -63,7 +63,7 @@ def check_rays(cast, stage, count, tolerance=1e-4, **settings):
             assert np.abs(each["hit"] - place).max() <= tolerance * SCALE * stage.diagonal
             normal = np.cross(corners[which, 1] - corners[which, 0], corners[which, 2] - corners[which, 0])
             assert each["normal"] @ normal / np.linalg.norm(normal) > 1 - 10 * tolerance
-            nearest = rig.character.triangles[which, np.linalg.norm(corners[which] - place, axis=1).argmin()]
+            nearest = prepared.character.triangles[which, np.linalg.norm(corners[which] - place, axis=1).argmin()]
             assert each["vertex"] == (-1 if settings["mode"] == MORPHS else nearest)
     assert 0.2 * count < hits < count
 
@@ -74,7 +74,7 @@ def test_rays_hit_what_is_shown(cast, stage, mode, count):
 
 
 def test_rays_hit_morph_targets_too(cast, new_stage, add_glb, blob_puppet, take, baked):
-    stage = new_stage(performed(blob_puppet, take, basis=lambda rig: LiveBasis.load(baked, rig)))
+    stage = new_stage(performed(blob_puppet, take, basis=lambda prepared: LiveBasis.load(baked, prepared)))
     check_rays(cast, stage, 20, tolerance=1e-3, mode=MORPHS, mesh_source=add_glb(baked))
 
 

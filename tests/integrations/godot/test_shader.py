@@ -75,7 +75,7 @@ def test_a_voice_opens_the_mouth_on_the_graphics_card_and_off_it(
     results = [told for told in results if told["mode"] == "controls"]
     character = spoken[0].character
     shaded = read_pixels(tmp_path / "pixels", 2 * len(results), len(character.rest), results[0]["box"])
-    near = ALIKE * 5 * character.rig.mesh.diagonal
+    near = ALIKE * 5 * character.prepared.mesh.diagonal
     for told, (positions, normals, _) in zip(results, shaded, strict=False):
         where, turned = said(character, spoken, told["moment"])
         assert np.abs(positions - where).max() <= near

@@ -111,9 +111,9 @@ def test_quick_normals_are_those_of_cofactors(show, stage):
 
 @pytest.mark.parametrize(("whole", "skins"), [(100, "found"), (1, "given with gaps")])
 def test_morphs_set_the_weights_of_the_targets_and_move_the_root(show, new_stage, danced, whole, skins):
-    rig = danced[0].character.rig
-    directions = np.float32([danced[k].R - rig.model.rest_controls for k in (20, 40)])
-    character = StreamedCharacter("blob", rig, 1, LiveBasis(directions, REACH, rig.model))
+    prepared = danced[0].character.prepared
+    directions = np.float32([danced[k].R - prepared.model.rest_controls for k in (20, 40)])
+    character = StreamedCharacter("blob", prepared, 1, LiveBasis(directions, REACH, prepared.model))
     stage = new_stage([replace(frame, character=character) for frame in danced])
     shapes = ",".join(["smile", *(f"motion_{k}" for k in range(64))])
     program = show(stage, mode="Morphs", whole=whole, skins=skins, shapes=shapes)
@@ -279,9 +279,9 @@ def test_the_samples_buttons_record_a_take_play_it_record_over_it_and_trim_it(sh
 
 @pytest.mark.parametrize("mode", ["Morphs", "Bones"])
 def test_a_voice_moves_the_targets_that_the_meshes_have_themselves(mode, show, new_stage, spoken, tmp_path):
-    rig = spoken[0].character.rig
-    directions = np.float32([frame.R - rig.model.rest_controls for frame in spoken[:2]])
-    character = StreamedCharacter("talker", rig, 1, LiveBasis(directions, REACH, rig.model))
+    prepared = spoken[0].character.prepared
+    directions = np.float32([frame.R - prepared.model.rest_controls for frame in spoken[:2]])
+    character = StreamedCharacter("talker", prepared, 1, LiveBasis(directions, REACH, prepared.model))
     stage, bones = new_stage([replace(frame, character=character) for frame in spoken]), tmp_path / "bones.json"
     bones.write_text(json.dumps(stage.facts["bones"]))
     shapes = ",".join(["jaw", *stage.facts["morphs"]])

@@ -9,7 +9,7 @@ from .conftest import array
 
 def test_a_voice_moves_the_rest_pose_of_the_mouth(run_core, spoken, spoken_files):
     scene, *files = spoken_files(Kind.CONTROLS)
-    slack = 2e-6 * spoken[0].character.rig.mesh.diagonal
+    slack = 2e-6 * spoken[0].character.prepared.mesh.diagonal
     for frame, file in zip(spoken, files, strict=True):
         evaluated, *_ = run_core("evaluate", scene, file)
         positions, normals = np.split(array(evaluated["vertices"], columns=6), 2, axis=1)

@@ -71,7 +71,7 @@ def test_a_voice_opens_the_mouth_of_the_mesh(open_page, site, spoken, spoken_fil
         write_shader_mesh(tmp_path / "talking.toml", tmp_path / "own.glb")
         file = site.add(tmp_path / "own.glb")
     page.run(LOAD, [[site.add(each) for each in spoken_files(Kind.CONTROLS)], file])
-    limit = ALIKE * spoken[0].character.rig.mesh.diagonal
+    limit = ALIKE * spoken[0].character.prepared.mesh.diagonal
     for moment in (1, 1, 0.0), (1, 2, 0.0), (1, 2, 1.0), (0, 0, 0.0):
         shown = page.run(SHOWN, moment)
         where, normals = spoken[moment[int(moment[2])]].vertices_and_normals

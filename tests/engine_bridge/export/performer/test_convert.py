@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from capture.clip import SkeletonClip
-from capture.pose import Pose
+from capture.sensor_pose import SensorPose
 from capture.skeleton import JOINT_INDEX
 from capture.sources.demo import performances
 from engine_bridge.export.performer.convert import convert_performers, describe, upright_performers
@@ -53,7 +53,7 @@ def test_a_part_is_that_of_the_whole_motion(take, tmp_path):
 
 
 def test_the_tilt_of_a_sensor_is_removed(standing):
-    tilted = Pose.of_degrees(-12.0, 0.0, 0.0, np.zeros(3)).apply(np.tile(standing, (20, 1, 1)))
+    tilted = SensorPose.of_degrees(-12.0, 0.0, 0.0, np.zeros(3)).apply(np.tile(standing, (20, 1, 1)))
     clip = SkeletonClip("ntu_rgbd", 0, np.arange(20) / 30, tilted, np.ones((20, 20), dtype=np.float32))
     (levelled,), _, notes = upright_performers([clip])
     assert len(notes) == 1

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from engine_bridge.performance.rig import cache_folder
+from engine_bridge.performance.prepared_character import cache_folder
 from engine_bridge.service.monitoring.systemd import Notifier
 from engine_bridge.service.stages.calibration_store import state_file
 from engine_bridge.studio.server import studio_folder

@@ -16,9 +16,9 @@ def frame_of(character, sequence=0, **more):
         "received": clock.now_ns(),
         "state": "waiting",
         "user": None,
-        "R": character.rig.model.rest_controls,
+        "R": character.prepared.model.rest_controls,
         "root": np.zeros(3),
-        "targets": character.rig.puppet.handle_positions,
+        "targets": character.prepared.puppet.handle_positions,
     }
     return Frame(character=character, sequence=sequence, **values | more)
 

@@ -16,8 +16,8 @@ from .frames import Basis, frame_of, messages, received
 
 
 @pytest.fixture(scope="module")
-def dog(blob_rig):
-    return StreamedCharacter("dog", blob_rig, 1, Basis())
+def dog(prepared_blob):
+    return StreamedCharacter("dog", prepared_blob, 1, Basis())
 
 
 @pytest.fixture
@@ -40,7 +40,7 @@ def performed(character, sequence=0, **more):
     values = {
         "state": "performing",
         "user": 2,
-        "R": character.rig.model.rest_controls * (1 + 0.01 * sequence),
+        "R": character.prepared.model.rest_controls * (1 + 0.01 * sequence),
         "root": np.array([1.0, 2.0, 3.0]),
         "joints": joints,
         "confidence": np.linspace(0, 1, 20, dtype=np.float32),
@@ -59,7 +59,7 @@ def test_each_kind_has_its_addresses_and_values_and_what_is_not_known_is_not_sen
     known = [number for number, name in enumerate(JOINTS) if name != "head"]
     joints = [got.pop(f"/puppetline/dog/joint/{JOINTS[number]}") for number in known]
     assert_allclose(joints, np.column_stack([frame.joints, frame.confidence])[known], rtol=1e-6)
-    names = [handle.name.replace(" ", "_") for handle in dog.rig.puppet.handle]
+    names = [handle.name.replace(" ", "_") for handle in dog.prepared.puppet.handle]
     assert list(got) == [f"/puppetline/dog/handle/{name}" for name in names]
     assert_allclose(list(got.values()), frame.targets, rtol=1e-6)
     bare = performed(replace(dog, basis=None), joints=None, confidence=None)
@@ -67,9 +67,9 @@ def test_each_kind_has_its_addresses_and_values_and_what_is_not_known_is_not_sen
     assert kinds == {"controls", "handle", "performer", "vertices"}
 
 
-def test_bones_are_rotations_by_the_name_of_the_joint_and_positions_of_those_that_travel(sent, limbed_rig):
-    figure = StreamedCharacter("figure", limbed_rig, 1)
-    turns = Rotation.from_rotvec(np.random.default_rng(3).normal(size=(len(limbed_rig.model.bones), 3)))
+def test_bones_are_rotations_by_the_name_of_the_joint_and_positions_of_those_that_travel(sent, limbed_figure):
+    figure = StreamedCharacter("figure", limbed_figure, 1)
+    turns = Rotation.from_rotvec(np.random.default_rng(3).normal(size=(len(limbed_figure.model.bones), 3)))
     motions = np.concatenate([turns.as_matrix(), np.zeros((len(turns), 1, 3))], axis=1)
     frame = performed(figure, motions=motions)
     got = dict(sent(frame, "bones"))

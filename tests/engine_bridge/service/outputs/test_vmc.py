@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 from capture.network.source import open_vmc
 from capture.skeleton import JOINT_INDEX, LOST, SkeletonFrame, to_character_axes
 from capture.source import wait
+from engine_bridge.performance.prepared_character import load_prepared
 from engine_bridge.performance.retargeting import PERFORMER
-from engine_bridge.performance.rig import load_rig
 from engine_bridge.puppet.puppet import MorphTable
 from engine_bridge.service.outputs.osc import OscOutput, OscTable
 from engine_bridge.service.outputs.vmc import DATAGRAM_BYTES, datagrams
@@ -55,13 +55,13 @@ def figure(blob_file, write_puppet):
     """The figure with the limbs of a humanoid."""
     path = blob_file.with_name("humanoid.toml")
     write_puppet(path, blob_file.name, handles=LIMBS, character="scale = 0.5\n")
-    return StreamedCharacter("figure", load_rig(path), 1)
+    return StreamedCharacter("figure", load_prepared(path), 1)
 
 
 @pytest.fixture
 def moved_by(figure):
     """Make frames of the figure whose bones are where they rest, or elsewhere."""
-    still = np.tile(np.eye(4, 3), (sum(len(limb.points) - 1 for limb in figure.rig.puppet.limbs), 1, 1))
+    still = np.tile(np.eye(4, 3), (sum(len(limb.points) - 1 for limb in figure.prepared.puppet.limbs), 1, 1))
 
     def make(motions=still, sequence=0, state="performing", root=(0.0, 0.0, 0.0), character=figure, **more):
         return frame_of(character, sequence, state=state, user=1, root=np.array(root), motions=motions, **more)
@@ -82,7 +82,7 @@ def test_morph_targets_that_channels_move_are_blend_shapes_and_return_as_the_sam
     targets = {"A": "mouth_open", "Blink_L": "blink_left", "blinkRight": "blink_right", "Joy": "smile"}
     channels = {"mouth_open": 0.5, "blink_left": 0.25, "blink_right": 1.0, "smile": 0.75}
     morphs = tuple(MorphTable(target=target, channel=channel) for target, channel in targets.items())
-    puppet = figure.rig.puppet.model_copy(update={"morph": morphs})
+    puppet = figure.prepared.puppet.model_copy(update={"morph": morphs})
     frame = moved_by(character=figure.remapped(puppet), channels=channels)
     sent = list(datagrams(frame, 0.0))
     blends = [("/VMC/Ext/Blend/Val", [target, channels[channel]]) for target, channel in targets.items()]
@@ -145,7 +145,7 @@ def test_the_state_is_the_protocols_and_the_clock_the_senders(moved_by, output, 
 def directions(figure, motions, joints):
     """Return where the character's bones and those of a performer point, except for feet (b, 3), (b, 3)."""
     own, read, motion = [], [], iter(motions)
-    for table, limb in zip(figure.rig.puppet.limb, figure.rig.puppet.limbs, strict=True):
+    for table, limb in zip(figure.prepared.puppet.limb, figure.prepared.puppet.limbs, strict=True):
         for (tail, head), (start, end) in zip(pairwise(table.joints), pairwise(limb.points), strict=True):
             turn = next(motion)[:3]
             if not head.startswith("foot"):
@@ -158,7 +158,7 @@ def test_a_vmc_reader_recovers_the_directions_of_the_characters_bones(
     figure, moved_by, kung_fu, given_clock, until_end
 ):
     """Our own reader, which poses a body of its own by them."""
-    motion = LimbMotion(figure.rig.puppet.limbs, PERFORMER, np.full((20, 3), np.nan))
+    motion = LimbMotion(figure.prepared.puppet.limbs, PERFORMER, np.full((20, 3), np.nan))
     source = until_end(open_vmc("127.0.0.1:0"))
     out = until_end(OscOutput(OscTable(host="127.0.0.1", port=source.port, rate=1000, send=("vmc",))))
     for number, performed in enumerate(kung_fu[30:180:5]):

@@ -6,7 +6,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from capture.events import TICK_SECONDS, Cue, Lost
-from capture.pose import Pose
+from capture.sensor_pose import SensorPose
 from capture.sensor_tilt import SensorTilt
 from capture.smoothing import JointFilter
 from engine_bridge.performance.character_motion import CharacterMotion
@@ -21,18 +21,18 @@ EASE = PlayerSettings().ease
 LEVEL = PlayerSettings(tilt=0.0, height=0.0)
 
 
-@pytest.mark.parametrize("figure", ["blob_rig", "limbed_rig"])
+@pytest.mark.parametrize("figure", ["prepared_blob", "limbed_figure"])
 def test_frames_are_the_poses_of_a_motion_with_the_calibrations_at_their_times(make_stage, request, kung_fu, figure):
     """Limbs that follow directions can be calibrated before the performer has stood still for a second."""
-    rig = request.getfixturevalue(figure)
-    stage = make_stage(player_settings=LEVEL, rig=rig)
+    prepared = request.getfixturevalue(figure)
+    stage = make_stage(player_settings=LEVEL, prepared=prepared)
     [player], frames, begun = stage.players, [], []
     for event in with_beginnings(stage, kung_fu):
         frames += stage.step(event, 0)
         if player.calibration is not None and all(player.calibration is not each for each, *_ in begun):
             begun.append((player.calibration, len(frames), event.time))
     since = [frames[number].time - kung_fu[0].time for _, number, _ in begun]
-    if rig.puppet.limbs:
+    if prepared.puppet.limbs:
         passing, still = since
         assert passing <= 0.4 + PREPARATION_SECONDS + 3 * TICK_SECONDS
         assert still <= 1.4 + PREPARATION_SECONDS
@@ -41,7 +41,7 @@ def test_frames_are_the_poses_of_a_motion_with_the_calibrations_at_their_times(m
         assert 0.9 + PREPARATION_SECONDS <= still <= 1.4
     states = [state for state, _ in itertools.groupby(frame.state for frame in frames)]
     assert states == ["calibrating", "performing"]
-    motion = CharacterMotion(rig)
+    motion = CharacterMotion(prepared)
     for number, (event, frame) in enumerate(zip(kung_fu, frames, strict=True)):
         for calibration, first, time in begun:
             if number == first:
@@ -62,23 +62,23 @@ def largest_turn(frames):
     return np.arccos(np.clip((trace - 1) / 2, -1, 1)).max()
 
 
-@pytest.mark.parametrize("figure", ["blob_rig", "limbed_rig"])
+@pytest.mark.parametrize("figure", ["prepared_blob", "limbed_figure"])
 def test_a_character_never_jumps_when_a_performer_comes_goes_and_returns(make_stage, request, kung_fu, moved, figure):
-    rig = request.getfixturevalue(figure)
+    prepared = request.getfixturevalue(figure)
     gone = kung_fu[150].time
     back = [moved(frame, time=frame.time + 2.0 + TICK_SECONDS) for frame in kung_fu[150:]]
     away = [Lost(kung_fu[149].time + 0.01, 1), *ticks(gone, 2.0)]
-    steady = play(make_stage(rig=rig), kung_fu)["dog"]
-    frames = play(make_stage(rig=rig), [*kung_fu[:150], *away, *back])["dog"]
+    steady = play(make_stage(prepared=prepared), kung_fu)["dog"]
+    frames = play(make_stage(prepared=prepared), [*kung_fu[:150], *away, *back])["dog"]
     states = [state for state, _ in itertools.groupby(frame.state for frame in frames)]
     assert states == ["calibrating", "performing", "leaving", "waiting", "calibrating", "performing"]
-    assert largest_step(frames, rig.mesh.diagonal) <= 1.5 * largest_step(steady, rig.mesh.diagonal)
-    assert np.abs(frames[149].R - rig.model.rest_controls).max() > 1e-2
+    assert largest_step(frames, prepared.mesh.diagonal) <= 1.5 * largest_step(steady, prepared.mesh.diagonal)
+    assert np.abs(frames[149].R - prepared.model.rest_controls).max() > 1e-2
     resting = next(frame for frame in reversed(frames) if frame.state == "waiting")
-    assert_allclose(resting.R, rig.model.rest_controls, atol=1e-5)
+    assert_allclose(resting.R, prepared.model.rest_controls, atol=1e-5)
     returned = next(frame.time for frame in frames if frame.time > gone + 2.0 and frame.state == "performing")
     assert returned - gone - 2.0 <= PREPARATION_SECONDS + 3 * TICK_SECONDS  # remembered: no second still second
-    if rig.puppet.limbs:
+    if prepared.puppet.limbs:
         assert largest_turn(frames) <= 1.5 * largest_turn(steady)
         assert_allclose(resting.motions, np.broadcast_to(np.eye(4, 3), resting.motions.shape), atol=1e-9)
 
@@ -117,12 +117,12 @@ def test_a_joint_of_little_confidence_is_held_where_it_was(make_stage, kung_fu):
     assert apart(ours, theirs, "controls").max() == 0
 
 
-def test_a_pause_in_the_midst_of_easing_does_not_jump(make_stage, kung_fu, moved, blob_rig):
+def test_a_pause_in_the_midst_of_easing_does_not_jump(make_stage, kung_fu, moved, prepared_blob):
     plain = play(make_stage(), kung_fu)["dog"]
     cut = 5 + next(k for k, frame in enumerate(plain) if frame.state == "performing")
     later = [moved(frame, time=frame.time + 0.45) for frame in kung_fu[cut:]]
     frames = play(make_stage(), [*kung_fu[:cut], *ticks(kung_fu[cut - 1].time, 0.4), *later])["dog"]
-    assert largest_step(frames, blob_rig.mesh.diagonal) <= 1.2 * largest_step(plain, blob_rig.mesh.diagonal)
+    assert largest_step(frames, prepared_blob.mesh.diagonal) <= 1.2 * largest_step(plain, prepared_blob.mesh.diagonal)
 
 
 def test_a_user_that_flickers_keeps_the_calibration(make_stage, kung_fu, moved):
@@ -171,12 +171,12 @@ def test_a_damaged_calibration_of_a_take_is_refused_and_that_before_stays(make_s
 
 def test_joints_are_filtered_before_the_calibration_as_well(make_stage, kung_fu):
     frames = play(make_stage(), kung_fu[:30])["dog"]
-    smoothing = JointFilter(frames[0].character.rig.puppet.smoothing.parameters)
+    smoothing = JointFilter(frames[0].character.prepared.puppet.smoothing.parameters)
     for event, frame in zip(kung_fu[:30], frames, strict=True):
         assert_array_equal(frame.joints, smoothing.step(event.time, event.positions, event.confidence))
 
 
-TILTED = Pose.of_degrees(12.0, 0.0, 4.0, np.array([0.0, 1.3, 0.0]))
+TILTED = SensorPose.of_degrees(12.0, 0.0, 4.0, np.array([0.0, 1.3, 0.0]))
 
 
 STANDS = level(-TICK_SECONDS)
@@ -215,7 +215,7 @@ def test_a_performer_keeps_the_calibration_when_the_sensor_is_moved(make_stage, 
     assert moved_stage.players[0].sensor == SensorTilt(12.0, 1.3, 4.0)
 
 
-def test_a_performer_calibrated_before_the_floor_was_seen_is_set_upright_too(make_stage, blob_rig, kung_fu):
+def test_a_performer_calibrated_before_the_floor_was_seen_is_set_upright_too(make_stage, prepared_blob, kung_fu):
     """From then on, but for the easing, all is as if it had been seen from the start."""
     seen, moment, stage = seen_from_above(kung_fu), 100, make_stage()
     early = play(make_stage(), [STANDS, *seen])["dog"]
@@ -227,7 +227,7 @@ def test_a_performer_calibrated_before_the_floor_was_seen_is_set_upright_too(mak
     off = apart(early[-len(late) :], late, "targets")[since:]
     assert len(off) > 60
     assert off.max() < 1e-3  # the filter has begun anew
-    assert largest_step(late, blob_rig.mesh.diagonal) <= 1.5 * largest_step(early, blob_rig.mesh.diagonal)
+    assert largest_step(late, prepared_blob.mesh.diagonal) <= 1.5 * largest_step(early, prepared_blob.mesh.diagonal)
 
 
 def test_a_performer_who_returns_after_the_sensor_was_moved_is_calibrated_again(make_stage, kung_fu, moved):

@@ -11,10 +11,10 @@ from ....oracles import assert_is_clause
 
 
 @pytest.fixture(scope="module")
-def messages(blob_rig):
+def messages(prepared_blob):
     """The description, the scene and three frames of a clip file."""
-    character = StreamedCharacter.of("blob", blob_rig)
-    R, weights = blob_rig.model.rest_controls.astype(np.float32), np.zeros(2, np.float32)
+    character = StreamedCharacter.of("blob", prepared_blob)
+    R, weights = prepared_blob.model.rest_controls.astype(np.float32), np.zeros(2, np.float32)
     content = beginning(character, ClipFacts("blob", character.revision, 3, 30.0, "walk"))
     size = PAYLOAD_OFFSET + split(content).header.length
     frames = [frame_message(character, number, number / 30, R, weights[[0] * 3], weights) for number in range(3)]

@@ -16,9 +16,9 @@ from ..outputs.frames import Basis, frame_of
 
 
 @pytest.fixture(scope="module")
-def frame(blob_rig):
+def frame(prepared_blob):
     """A frame of a character with morph targets and without limbs, of which no joints are known."""
-    return frame_of(StreamedCharacter("dog", blob_rig, 3, Basis()))
+    return frame_of(StreamedCharacter("dog", prepared_blob, 3, Basis()))
 
 
 @pytest.mark.parametrize("count", range(1, 6))

@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 
 from engine_bridge.character.character import load_character
 from engine_bridge.service.protocol.header import WireError
-from engine_bridge.service.protocol.scene import Scene, StreamedCharacter, parts, uv
+from engine_bridge.service.protocol.scene import DecodedScene, StreamedCharacter, parts, uv
 
 
 @pytest.fixture(scope="module")
-def character(blob_rig):
-    return StreamedCharacter("dog", blob_rig, 3)
+def character(prepared_blob):
+    return StreamedCharacter("dog", prepared_blob, 3)
 
 
 def test_parts_have_their_ranges_names_and_materials(glb, tmp_path, blob):
@@ -78,16 +78,16 @@ def test_a_scene_that_contradicts_itself_is_refused(character, line):
     array, key, value = line.split(maxsplit=2)
     (length,) = struct.unpack_from("<I", character.scene)
     facts, arrays = json.loads(character.scene[4 : 4 + length]), character.scene[4 + length :]
-    assert Scene.decode(described(facts, arrays))
+    assert DecodedScene.decode(described(facts, arrays))
     facts["arrays"].get(array, facts)[key] = json.loads(value)
     with pytest.raises(WireError):
-        Scene.decode(described(facts, arrays))
+        DecodedScene.decode(described(facts, arrays))
 
 
 @pytest.mark.parametrize("payload", [b"", b"\xff\xff\xff\xff{}", b"\2\0\0\0[]", b"\2\0\0\0{}", b"\4\0\0\0null"])
 def test_a_scene_cut_short_is_refused(payload):
     with pytest.raises(WireError):
-        Scene.decode(payload)
+        DecodedScene.decode(payload)
 
 
 @given(
@@ -98,4 +98,4 @@ def test_a_scene_cut_short_is_refused(payload):
 )
 def test_any_description_is_refused(facts):
     with pytest.raises(WireError):
-        Scene.decode(described({"arrays": facts, "vertices": 1}))
+        DecodedScene.decode(described({"arrays": facts, "vertices": 1}))

@@ -9,8 +9,8 @@ from numpy.testing import assert_array_equal
 
 from capture.clip import SkeletonClip
 from capture.events import TICK_SECONDS, Cue, Lost
-from capture.pose import Pose
 from capture.recording import as_recorded
+from capture.sensor_pose import SensorPose
 from capture.sensor_tilt import SensorTilt
 from capture.skeleton import SkeletonFrame
 from capture.timeline import resample
@@ -38,19 +38,21 @@ KEPT = "time", "positions", "confidence"
 
 
 @pytest.mark.parametrize("cut", [15, 120])
-def test_a_take_with_limbs_moves_the_bones_as_before_one_second_after_its_start(make_stage, limbed_rig, kung_fu, cut):
+def test_a_take_with_limbs_moves_the_bones_as_before_one_second_after_its_start(
+    make_stage, limbed_figure, kung_fu, cut
+):
     """A foot that comes to rest in the first second may stand elsewhere until it is lifted, the character with it."""
-    events = with_beginnings_of(make_stage(rig=limbed_rig), [as_recorded(frame) for frame in kung_fu])
-    ours, theirs, times = from_the_middle(lambda: make_stage(rig=limbed_rig), events, cut)
-    legs = [limb.name for limb in limbed_rig.puppet.limbs if "leg" in limb.name]
+    events = with_beginnings_of(make_stage(prepared=limbed_figure), [as_recorded(frame) for frame in kung_fu])
+    ours, theirs, times = from_the_middle(lambda: make_stage(prepared=limbed_figure), events, cut)
+    legs = [limb.name for limb in limbed_figure.puppet.limbs if "leg" in limb.name]
     assert len(legs) == 2
-    bones = [limb.name not in legs for limb in parents_first(limbed_rig.puppet.limbs) for _ in limb.points[1:]]
+    bones = [limb.name not in legs for limb in parents_first(limbed_figure.puppet.limbs) for _ in limb.points[1:]]
     turned = np.array(
         [np.abs(a.motions - b.motions)[bones, :3].max() for a, b in zip(ours, theirs, strict=True)], dtype=float
     )
     assert turned[times > 1].max() < 0.02
     assert turned[times > 2].max(initial=0) < 1e-3
-    assert apart(ours, theirs, "root")[times > 1].max() < 1e-2 * limbed_rig.mesh.diagonal
+    assert apart(ours, theirs, "root")[times > 1].max() < 1e-2 * limbed_figure.mesh.diagonal
 
 
 @pytest.fixture
@@ -66,14 +68,14 @@ def together(kung_fu, moved):
 
 @pytest.mark.parametrize("cut", [20, 78, 318])
 def test_a_take_has_who_is_who_at_once_and_the_same_controls_one_second_after_its_start(
-    make_stage, blob_rig, together, cut
+    make_stage, prepared_blob, together, cut
 ):
     both = [as_recorded(frame) for frame in together(after=0.011)]
     both.insert(0, level(-TICK_SECONDS))
     both.insert(302, Cue(both[301].time + 1e-3, "mirror", {"character": "cat"}))
     events = with_beginnings_of(make_stage(("dog", "cat")), both)
     ours, theirs, times = from_the_middle(lambda: make_stage(("dog", "cat")), events, cut)
-    off = apart(ours, theirs, "R") / blob_rig.mesh.diagonal
+    off = apart(ours, theirs, "R") / prepared_blob.mesh.diagonal
     assert off[times > 1].max() < 1e-3
     assert off[times > 3].max() < 1e-6
     if cut < 75:  # nobody was calibrated yet
@@ -96,13 +98,13 @@ def test_a_take_treats_people_as_its_stage_did(make_stage, together):
     assert said[0]["characters"]["dog"]["manner"] == said[1]["characters"]["dog"]["manner"]
 
 
-def test_a_take_gives_its_calibrations_to_other_puppets_of_the_same_name(make_stage, limbed_rig, kung_fu):
-    stage, other = make_stage(("dog", "cat")), make_stage(rig=limbed_rig)
+def test_a_take_gives_its_calibrations_to_other_puppets_of_the_same_name(make_stage, limbed_figure, kung_fu):
+    stage, other = make_stage(("dog", "cat")), make_stage(prepared=limbed_figure)
     given = with_beginnings_of(stage, kung_fu[:100])
     frames = replay(other, [beginning(stage), *kung_fu[100:]])
     assert {frame.state for frame in frames} == {"performing"}
     assert_array_equal(other.players[0].calibration.rest, stage.players[0].calibration.rest)
-    begun = make_stage(rig=limbed_rig)
+    begun = make_stage(prepared=limbed_figure)
     replay(begun, given)  # as well where the take was begun before
     assert_array_equal(begun.players[0].calibration.rest, stage.players[0].calibration.rest)
 
@@ -129,7 +131,7 @@ def test_a_loop_keeps_its_performer_and_calibration_and_each_pass_is_the_same(ma
     assert {(frame.state, frame.user) for frame in second + third} == {("performing", 1)}
     eased = round(1.2 * PlayerSettings().ease / TICK_SECONDS)
     assert apart(second[eased:], third[eased:], "targets").max() < 1e-9
-    diagonal = stage.players[0].character.rig.mesh.diagonal
+    diagonal = stage.players[0].character.prepared.mesh.diagonal
     assert largest_step(first[-1:] + second + third, diagonal) < 1.1 * largest_step(first, diagonal)
     left = replay(stage, ticks(third[-1].time, 1.0))
     assert {frame.state for frame in left} == {"leaving"}  # a performer who does not return
@@ -175,14 +177,14 @@ def test_frames_that_do_not_go_forward_are_left_out(make_stage, kung_fu, moved):
 
 
 @pytest.mark.parametrize("state", ["performing", "leaving"])
-def test_characters_loaded_anew_go_on_as_if_nothing_had_been(make_stage, make_player, kung_fu, blob_rig, state):
+def test_characters_loaded_anew_go_on_as_if_nothing_had_been(make_stage, make_player, kung_fu, prepared_blob, state):
     plain, stage = make_stage(("dog", "cat")), make_stage(("dog", "cat"))
     cut = kung_fu[150].time
     rest = kung_fu[150:] if state == "performing" else ticks(cut, 2.0)
     away = [] if state == "performing" else [Lost(cut, 1)]
     for each in (plain, stage):
         each.step(Cue(0.0, "mirror", {"on": True}), 0)
-    steady = largest_step(play(plain, [*kung_fu[:150], *away, *rest])["dog"], blob_rig.mesh.diagonal)
+    steady = largest_step(play(plain, [*kung_fu[:150], *away, *rest])["dog"], prepared_blob.mesh.diagonal)
     before = play(stage, [*kung_fu[:150], *away, *rest[:5]])["dog"]
     stage.replace_players([make_player("dog"), make_player("horse")])
     after = play(stage, rest[5:])["dog"]
@@ -190,7 +192,7 @@ def test_characters_loaded_anew_go_on_as_if_nothing_had_been(make_stage, make_pl
     assert after[0].user == before[-1].user
     assert stage.players[0].motion.mirror
     assert after[-1].state == ("performing" if state == "performing" else "waiting")
-    assert largest_step([*before, *after], blob_rig.mesh.diagonal) <= 1.2 * steady
+    assert largest_step([*before, *after], prepared_blob.mesh.diagonal) <= 1.2 * steady
 
 
 def test_a_turn_goes_on_over_a_reload(make_stage, make_player, together):
@@ -240,10 +242,10 @@ def test_a_sensor_that_stands_like_nothing_is_refused_and_counts_for_nothing(mak
     ("cut", "tilt", "cue"), [(0, 0.0, "mirror"), (0, 0.0, "calibrate"), (100, 0.0, None), (100, 15.0, None)]
 )
 def test_a_take_is_converted_as_it_was_streamed(
-    make_stage, blob_rig, blob_puppet, kung_fu, record_events, tmp_path, cut, tilt, cue
+    make_stage, prepared_blob, blob_puppet, kung_fu, record_events, tmp_path, cut, tilt, cue
 ):
     """Whole or from the middle, and although a client mirrors or calibrates the character again."""
-    sensor = Pose.of_degrees(tilt, 0.0, 0.0, np.array([0.0, 1.2, 0.0]))
+    sensor = SensorPose.of_degrees(tilt, 0.0, 0.0, np.array([0.0, 1.2, 0.0]))
     even = resample(SkeletonClip("", 1, *(np.array([getattr(each, what) for each in kung_fu]) for what in KEPT)))
     frames = [
         as_recorded(SkeletonFrame(time, 1, (positions - sensor.position) @ sensor.rotation, confidence))
@@ -265,7 +267,7 @@ def test_a_take_is_converted_as_it_was_streamed(
         begun = 90 if cut == 0 else 30
         moved = [np.abs(a - b.R).max() for a, b in zip(clip.motion.R[:], streamed, strict=True)]
         travelled = [np.abs(a - b.root).max() for a, b in zip(clip.motion.root, streamed, strict=True)]
-        return max(*moved[begun:], *travelled[begun:]) / blob_rig.model.diagonal, " ".join(summary.notes)
+        return max(*moved[begun:], *travelled[begun:]) / prepared_blob.model.diagonal, " ".join(summary.notes)
 
     distance, notes = convert_take(Settings())
     assert distance < 1e-4

@@ -177,14 +177,14 @@ def test_a_take_of_a_runner_is_a_skeleton_log_and_ends_if_the_disk_is_full(short
     ("follow", "hanging", "told"), [("turn", False, True), ("turn", True, False), ("direction", False, False)]
 )
 def test_a_calibration_with_raised_arms_is_logged_if_limbs_turn(
-    open_stage, limbed_rig, tmp_path, record_events, standing, caplog, follow, hanging, told
+    open_stage, limbed_figure, tmp_path, record_events, standing, caplog, follow, hanging, told
 ):
     """The performer of the fixture stretches the arms out."""
     pose, sure = upright(standing) if hanging else standing, np.ones(20, dtype=np.float32)
     record_events(tmp_path / "still.log", [SkeletonFrame(number / 30, 1, pose, sure) for number in range(60)])
-    limbs = [limb.model_copy(update={"follow": follow}) for limb in limbed_rig.puppet.limb]
-    rig = replace(limbed_rig, puppet=limbed_rig.puppet.model_copy(update={"limb": limbs}))
-    runner = open_stage("replay:still.log", rig=rig)
+    limbs = [limb.model_copy(update={"follow": follow}) for limb in limbed_figure.puppet.limb]
+    prepared = replace(limbed_figure, puppet=limbed_figure.puppet.model_copy(update={"limb": limbs}))
+    runner = open_stage("replay:still.log", prepared=prepared)
     run_to(runner, 60)
     assert runner.stage.players[0].state == "performing"
     warnings = [record.fields for record in caplog.records if "hanging arms" in record.message]

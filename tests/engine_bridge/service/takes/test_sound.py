@@ -9,7 +9,7 @@ from pythonosc.osc_bundle import OscBundle
 from capture.formats import puppetline_log
 from capture.sound import SAMPLE_RATE, WavWriter, read_wav
 from engine_bridge.performance.clip import load_timeline
-from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.prepared_character import load_prepared
 from engine_bridge.performance.settings import Settings
 from engine_bridge.service.outputs import osc
 from engine_bridge.service.protocol.header import Kind
@@ -90,7 +90,7 @@ def test_a_take_with_sound_replays_bit_for_bit_and_has_the_sound_on_its_clock(
     frames, began, path = theatre.of("dog"), theatre.began, tmp_path / "takes" / "take1.log"
     assert_a_kill_would_leave_all_but_a_second(path, tmp_path)
     theatre.ask("record_stop")
-    track = TakeTrack(make_player("dog", rig=load_rig(talking_puppet)), path)
+    track = TakeTrack(make_player("dog", prepared=load_prepared(talking_puppet)), path)
     assert len(track.times) == len(frames)
     for number, frame in enumerate(frames):
         shown, (_, pose) = track.frame(number)

@@ -119,7 +119,7 @@ def test_nothing_jumps_when_a_take_begins_jumps_loops_and_stops(begin):
     shown += theatre.run(2.0)
     frames = [frame for frame in shown if frame.character.name == "dog"]
     vertices = np.array([frame.vertices_and_normals[0] for frame in frames])
-    diagonal = theatre.player("dog").character.rig.mesh.diagonal
+    diagonal = theatre.player("dog").character.prepared.mesh.diagonal
     assert np.linalg.norm(np.diff(vertices, axis=0), axis=-1).max() / diagonal < 0.04
     assert all(a.time <= b.time for a, b in itertools.pairwise(frames))
     assert [b.sequence - a.sequence for a, b in itertools.pairwise(frames)] == [1] * (len(frames) - 1)
@@ -158,8 +158,8 @@ def test_a_changed_mapping_moves_the_take_too(begin):
     zero = clock.now()
     theatre.run(0.5)
     player = theatre.player("dog")
-    retarget = player.character.rig.puppet.retarget.model_copy(update={"scale": 0.4})
-    theatre.runner.remap(player, player.character.rig.puppet.model_copy(update={"retarget": retarget}))
+    retarget = player.character.prepared.puppet.retarget.model_copy(update={"scale": 0.4})
+    theatre.runner.remap(player, player.character.prepared.puppet.model_copy(update={"retarget": retarget}))
     assert theatre.playback.stale() == [(player, track)]
     theatre.run(0.2)
     changed = TakeTrack(player, track.path)

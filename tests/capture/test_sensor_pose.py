@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from capture.pose import Pose, fit
+from capture.sensor_pose import SensorPose, fit
 
 ANGLE = st.floats(-179, 179)
 AXES = np.eye(3)
@@ -11,7 +11,7 @@ AXES = np.eye(3)
 
 @given(st.floats(-89, 89), ANGLE, ANGLE)
 def test_degrees_are_read_back(tilt, turn, roll):
-    pose = Pose.of_degrees(tilt, turn, roll, np.zeros(3))
+    pose = SensorPose.of_degrees(tilt, turn, roll, np.zeros(3))
     np.testing.assert_allclose(pose.rotation @ pose.rotation.T, AXES, atol=1e-12)
     assert np.linalg.det(pose.rotation) == pytest.approx(1)
     np.testing.assert_allclose(pose.degrees, [tilt, turn, roll], atol=1e-9)
@@ -22,14 +22,14 @@ def test_degrees_are_read_back(tilt, turn, roll):
     [((90, 0, 0), -AXES[1]), ((0, 90, 0), AXES[0]), ((0, 180, 0), -AXES[2]), ((0, 0, 90), AXES[2])],
 )
 def test_tilt_is_down_and_turn_is_to_the_sensors_left(degrees, looks_to):
-    pose = Pose.of_degrees(*degrees, np.array([1.0, 2.0, 3.0]))
+    pose = SensorPose.of_degrees(*degrees, np.array([1.0, 2.0, 3.0]))
     np.testing.assert_allclose(pose.apply(AXES[2]), looks_to + np.array([1, 2, 3]), atol=1e-12)
 
 
 @given(ANGLE, ANGLE, ANGLE, st.integers(0, 2**32 - 1))
 def test_a_fit_finds_the_pose_that_moved_the_points(tilt, turn, roll, seed):
     random = np.random.default_rng(seed)
-    pose = Pose.of_degrees(tilt, turn, roll, random.uniform(-5, 5, 3))
+    pose = SensorPose.of_degrees(tilt, turn, roll, random.uniform(-5, 5, 3))
     points, weights = random.standard_normal((8, 3)), random.uniform(0.1, 1, 8)
     found = fit(points, pose.apply(points), weights)
     np.testing.assert_allclose(found.rotation, pose.rotation, atol=1e-9)

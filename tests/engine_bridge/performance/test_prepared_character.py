@@ -1,7 +1,7 @@
 import pytest
 
 from engine_bridge.character import preparation, shading
-from engine_bridge.performance.rig import cache_folder, load_rig
+from engine_bridge.performance.prepared_character import cache_folder, load_prepared
 
 from ...oracles import assert_same_fields
 
@@ -21,7 +21,7 @@ def puppet(request, blob, blob_file, write_puppet, tmp_path, monkeypatch):
 
 
 def same(one, other):
-    """Compare two rigs, bit for bit."""
+    """Compare two prepared characters, bit for bit."""
     assert_same_fields(one.mesh, other.mesh)
     assert_same_fields(one.model, other.model)
     assert one.character.document.gltf == other.character.document.gltf
@@ -35,12 +35,12 @@ def kept():
 
 
 def test_the_second_start_gives_the_same_and_computes_nothing(puppet, tmp_path, monkeypatch):
-    first = load_rig(puppet)
+    first = load_prepared(puppet)
     assert cache_folder().is_relative_to(tmp_path / "cache")
     files = kept()
     assert len(files) == (1 if first.character.document.name.endswith(".glb") else 2)
     for module in (preparation, shading):
         monkeypatch.setattr(module, "weld", None)  # a call would fail
     monkeypatch.setattr(preparation, "build", None)
-    assert same(load_rig(puppet), first)
+    assert same(load_prepared(puppet), first)
     assert kept() == files

@@ -1,4 +1,4 @@
-"""Rigs: puppets with their prepared characters."""
+"""Prepared characters: a puppet with its character, mesh and reduced model."""
 
 import difflib
 from dataclasses import dataclass
@@ -22,8 +22,8 @@ from solver.surface.mesh import SolverMesh
 
 
 @dataclass(frozen=True, eq=False)
-class Rig:
-    """A puppet with its character, mesh and reduced model."""
+class PreparedCharacter:
+    """A puppet, and everything that is computed once to move its character."""
 
     puppet: Puppet
     character: Character
@@ -36,17 +36,17 @@ def cache_folder() -> Path:
     return platformdirs.user_cache_path("puppetline") / "models"
 
 
-def load_rig(path: Path) -> Rig:
+def load_prepared(path: Path) -> PreparedCharacter:
     """Load a puppet file and prepare its character, with a cache.
 
     Raises
     ------
     PuppetlineError
     """
-    return rig_of(puppet_file.load(path), path)
+    return prepared_of(puppet_file.load(path), path)
 
 
-def rig_of(puppet: Puppet, path: Path) -> Rig:
+def prepared_of(puppet: Puppet, path: Path) -> PreparedCharacter:
     """Prepare the character of a puppet from a file.
 
     Raises
@@ -66,28 +66,28 @@ def rig_of(puppet: Puppet, path: Path) -> Rig:
         where = at(path, field="[character], body")
         character = with_body(character, bodies_of(character), puppet.character.body, where)
     limb_nodes(puppet, character, path)  # refuses those of another mesh
-    rig = make_rig(puppet, character)
-    check_limbs(puppet.limb, rig.mesh, path)
-    check_handles(puppet.handle, rig.mesh, path)
-    _check_morphs(rig, path)
-    return rig
+    prepared = make_prepared(puppet, character)
+    check_limbs(puppet.limb, prepared.mesh, path)
+    check_handles(puppet.handle, prepared.mesh, path)
+    _check_morphs(prepared, path)
+    return prepared
 
 
-def _check_morphs(rig: Rig, path: Path) -> None:
+def _check_morphs(prepared: PreparedCharacter, path: Path) -> None:
     """Refuse morph targets that the mesh does not have."""
-    names = own_targets.names_of(rig.character) if rig.puppet.morph else []
-    for number, morph in enumerate(rig.puppet.morph, 1):
+    names = own_targets.names_of(prepared.character) if prepared.puppet.morph else []
+    for number, morph in enumerate(prepared.puppet.morph, 1):
         if morph.target not in names:
             close = difflib.get_close_matches(morph.target, names, 1)
             raise PuppetError(
                 at(path, field=f"[[morph]] {number}, target"),
-                found=f"{morph.target!r}, which is not a morph target of {rig.puppet.character.mesh}",
+                found=f"{morph.target!r}, which is not a morph target of {prepared.puppet.character.mesh}",
                 expected=f"one of {', '.join(names)}" if names else "a mesh with named morph targets",
                 fix=f"Did you mean {close[0]!r}?" if close else "Correct the name, or remove the table.",
             )
 
 
-def make_rig(puppet: Puppet, character: Character) -> Rig:
+def make_prepared(puppet: Puppet, character: Character) -> PreparedCharacter:
     """Prepare a character for a puppet."""
     mesh, model = prepare(
         character.vertices,
@@ -98,4 +98,4 @@ def make_rig(puppet: Puppet, character: Character) -> Rig:
         bones=bones_of(puppet.limbs, puppet.character.basis[1]),
         shares=skin_shares(character, puppet),
     )
-    return Rig(puppet, character, mesh, model)
+    return PreparedCharacter(puppet, character, mesh, model)

@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Pose:
+class SensorPose:
     """Transform from a sensor's own coordinates to common coordinates.
 
     Attributes
@@ -56,7 +56,7 @@ class Pose:
         return positions @ self.rotation.T + self.position
 
 
-def fit(points: Array, onto: Array, weights: Array) -> Pose:
+def fit(points: Array, onto: Array, weights: Array) -> SensorPose:
     """Return the pose that moves points nearest to others, without scaling (Kabsch).
 
     Parameters
@@ -71,4 +71,4 @@ def fit(points: Array, onto: Array, weights: Array) -> Pose:
     u, _, v = np.linalg.svd((share * (points - middle)).T @ (onto - target))
     sides = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ v))])
     rotation = (u * sides @ v).T
-    return Pose(rotation, target - rotation @ middle)
+    return SensorPose(rotation, target - rotation @ middle)

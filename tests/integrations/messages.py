@@ -11,7 +11,7 @@ import pytest
 
 from engine_bridge.service.protocol.header import PAYLOAD_OFFSET, WireError, split
 from engine_bridge.service.protocol.payloads import Vertices, decode
-from engine_bridge.service.protocol.scene import Scene
+from engine_bridge.service.protocol.scene import DecodedScene
 
 from ..recorded import NAMES, recorded
 
@@ -145,7 +145,7 @@ class Messages:
         """Compare what a client has told of a message with what Python makes of it."""
         assert (told["topic"], told["header"]) == header_of(message)
         body = decode(message).body
-        if isinstance(body, Scene):
+        if isinstance(body, DecodedScene):
             assert self.same(told["facts"], body.facts)
             for name in ARRAYS:
                 expected = body.arrays.get(name, np.zeros(0)).ravel()

@@ -13,7 +13,7 @@ from engine_bridge.performance.settings import Settings
 from engine_bridge.service.protocol.frame import Frame
 from engine_bridge.service.protocol.header import FRAME_KINDS, WORDS, Header, Kind, join, topic_field, write_json
 from engine_bridge.service.protocol.payloads import encode
-from engine_bridge.service.protocol.scene import Scene, StreamedCharacter
+from engine_bridge.service.protocol.scene import DecodedScene, StreamedCharacter
 from engine_bridge.service.states import STATES
 
 FPS = 30
@@ -39,7 +39,7 @@ class Stage:
 
     def __init__(self, frames):
         self.character = frames[0].character
-        scene = Scene.decode(self.character.scene)
+        scene = DecodedScene.decode(self.character.scene)
         self.facts, self.arrays = scene.facts, scene.arrays
         self.diagonal = self.facts["diagonal"]
         self.listed = {"name": self.character.name, "kinds": [kind.word for kind in FRAME_KINDS]}

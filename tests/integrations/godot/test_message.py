@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from engine_bridge.service.protocol.header import FRAME_KINDS, Kind, WireError, split
-from engine_bridge.service.protocol.scene import Scene
+from engine_bridge.service.protocol.scene import DecodedScene
 
 from ..messages import ARRAYS, HEADER, Messages, scene_message, taken_apart
 
@@ -59,7 +59,7 @@ class TestMessages(Messages):
         try:
             _, header, payload, _ = split(message)
             if header.kind == Kind.SCENE:
-                Scene.decode(payload)
+                DecodedScene.decode(payload)
         except WireError:
             return True
         return not np.isfinite([header.time, *header.root]).all()
@@ -69,7 +69,7 @@ class TestMessages(Messages):
         own, (_, header, payload, targets) = told["own"], split(message)
         assert (base64.b64decode(own["targets"]), own["minor"]) == (targets, header.minor)
         if header.kind == Kind.SCENE:
-            facts = Scene.decode(payload).facts
+            facts = DecodedScene.decode(payload).facts
             assert own["counts"] == [facts[name] for name in ("vertices", "triangles", "fields", "isolines")]
             np.testing.assert_allclose(own["bounds"], facts["bounds"], atol=1e-6)
             for handle, expected in zip(own["handles"], facts["handles"], strict=True):

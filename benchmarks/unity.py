@@ -10,6 +10,9 @@ import sys
 import tempfile
 from pathlib import Path
 
+import numpy as np
+
+from engine_bridge.performance.pose import Pose
 from engine_bridge.performance.prepared_character import load_prepared
 from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.proposal import new_puppet
@@ -53,11 +56,7 @@ def write_messages(mesh: Path, folder: Path) -> None:
         received=0,
         state="performing",
         user=1,
-        R=pose,
-        root=deformer.handles[0] * 0,
-        targets=deformer.handles,
-        joints=None,
-        confidence=None,
+        pose=Pose(deformer.handles, np.tile(np.eye(4, 3), (0, 1, 1)), np.zeros(3), pose, prepared.model),
     )
     scene = Header(kind=Kind.SCENE, length=len(character.scene), revision=1)
     (folder / "scene").write_bytes(join(topic("measured", Kind.SCENE), scene, character.scene))

@@ -24,6 +24,7 @@ for shared in ("clips", "limbs", "messages", "playback", "requests", "surface"):
 
 from ..engine_bridge import conftest as figures  # noqa: E402
 from ..engine_bridge.service import conftest as services  # noqa: E402
+from ..engine_bridge.service.outputs.frames import pose_of  # noqa: E402
 from .stage import Stage, performed  # noqa: E402
 
 own_cache, glb, new_glb = figures.own_cache, figures.glb, figures.new_glb
@@ -132,7 +133,7 @@ def posed_human(human):
     """A frame in a random pose."""
     controls, motions = random_poses(human.prepared, 3)
     R, root = controls[-1].astype(np.float64), np.array([0.3, 0.1, 0.2])
-    return Frame(human, 1, 0.5, 0, "performing", 0, R, root, np.zeros((0, 3)), motions=motions[-1])
+    return Frame(human, 1, 0.5, 0, "performing", 0, pose_of(human.prepared, R=R, root=root, bones=motions[-1]))
 
 
 @pytest.fixture
@@ -140,16 +141,17 @@ def spoken(talking):
     """Frames of a figure whose mesh has a target "jaw": silent, and in two poses in which it speaks."""
     character = StreamedCharacter.of("talker", load_prepared(talking(limbs=True)))
     controls, motions = random_poses(character.prepared, 3)
-    return [
-        Frame(
-            *(character, number + 1, number / 30, 0, "performing", 0, controls[number].astype(np.float64)),
-            np.array([0.1 * number, 0, 0]),
-            character.prepared.puppet.handle_positions,
-            motions=motions[number],
+    poses = [
+        pose_of(
+            character.prepared,
+            R=controls[number].astype(np.float64),
+            root=np.array([0.1 * number, 0, 0]),
+            bones=motions[number],
             channels={"voice": voice},
         )
         for number, voice in enumerate((0.0, 0.4, 1.0))
     ]
+    return [Frame(character, k + 1, k / 30, 0, "performing", 0, pose) for k, pose in enumerate(poses)]
 
 
 @pytest.fixture

@@ -72,7 +72,7 @@ def foreign(names=MIXAMO):
 def directions(frame):
     """The directions of the service's bones: head to the next joint's head, file coordinates."""
     skeleton, found = frame.character.skeleton, {}
-    moves = frame.motions
+    moves = frame.pose.bones
     places = {joint.name: joint.head @ moves[joint.bone, :3] + moves[joint.bone, 3] for joint in skeleton.joints}
     for joint, (after, bone) in CHAINS.items():
         if after in places:
@@ -94,7 +94,7 @@ def worst_angle(places, frame):
 def hips_place(frame):
     """Where the hips of the foreign skeleton are: they travel in proportion to the legs."""
     hips = frame.character.skeleton.joints[0]
-    moved = hips.head @ frame.motions[0, :3] + frame.motions[0, 3] + frame.root - hips.head
+    moved = hips.head @ frame.pose.bones[0, :3] + frame.pose.bones[0, 3] + frame.pose.root - hips.head
     joints = {joint.name: joint.head for joint in frame.character.skeleton.joints}
     own = sum(np.linalg.norm(joints[a] - joints[b]) for a, b in pairwise(["leftUpperLeg", "leftLowerLeg", "leftFoot"]))
     places = [np.array(FOREIGN[f"Left{name}"][1]) for name in ("UpLeg", "Leg", "Foot")]

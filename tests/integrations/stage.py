@@ -25,13 +25,8 @@ def performed(puppet, take, settings=None, basis=None):
     timeline, _ = load_timeline(take, settings)
     motion = solve(prepared, timeline, settings)
     character = StreamedCharacter.of(puppet.stem, prepared, basis and basis(prepared))
-    rest, poses = prepared.puppet.handle_positions, [motion[k] for k in range(min(300, len(motion)))]
-    return [
-        Frame(
-            *(character, k, (k - 1) / FPS, 0, "performing", 1, np.float64(pose.R), pose.root, rest), motions=pose.bones
-        )
-        for k, pose in enumerate(poses, 1)
-    ]
+    poses = (replace(motion[k], R=np.float64(motion[k].R)) for k in range(min(300, len(motion))))
+    return [Frame(character, k, (k - 1) / FPS, 0, "performing", 1, pose) for k, pose in enumerate(poses, 1)]
 
 
 class Stage:

@@ -6,9 +6,11 @@ from pathlib import Path
 import igl
 import numpy as np
 
+from capture.skeleton import SkeletonFrame
 from engine_bridge.character.character import make_character
 from engine_bridge.character.preparation import prepare
 from engine_bridge.export.live_basis import REACH, LiveBasis
+from engine_bridge.performance.pose import Pose
 from engine_bridge.performance.prepared_character import PreparedCharacter
 from engine_bridge.puppet import puppet_file
 from engine_bridge.service.protocol.frame import Frame
@@ -86,14 +88,23 @@ def frames() -> list[Frame]:
             received=1_000_000_000 + 33_333_333 * number,
             state=STATES[number],
             user=None if number == 0 else 3,
-            R=pose,
-            root=np.array([0.25, 0.0, -0.125]) * number,
-            targets=deformer.handles + PULLS[number] + np.array([0.25, 0.0, -0.125]) * number,
-            joints=None if number == 0 else np.arange(60.0).reshape(20, 3) / 8 + number,
-            confidence=None if number == 0 else np.linspace(0, 1, 20, dtype=np.float32),
+            pose=Pose(
+                targets=deformer.handles + PULLS[number],
+                bones=np.zeros((0, 4, 3)),
+                root=np.array([0.25, 0.0, -0.125]) * number,
+                R=R,
+                model=prepared.model,
+            ),
+            seen=None if number == 0 else seen(number),
         )
-        for number, pose in enumerate(poses)
+        for number, R in enumerate(poses)
     ]
+
+
+def seen(number: int) -> SkeletonFrame:
+    """Return the joints of the performer in a frame."""
+    joints = np.arange(60.0).reshape(20, 3) / 8 + number
+    return SkeletonFrame(0.0, 3, joints, np.linspace(0, 1, 20, dtype=np.float32))
 
 
 def limbed_frame() -> Frame:
@@ -109,11 +120,14 @@ def limbed_frame() -> Frame:
         received=1_100_000_000,
         state=STATES[1],
         user=3,
-        R=deformer.solve(deformer.handles, motions),
-        root=np.array([0.25, 0.0, -0.125]),
-        targets=deformer.handles,
-        motions=motions,
-        channels={"mouth_open": 0.25, "voice": 1.0},
+        pose=Pose(
+            targets=deformer.handles - np.array([0.25, 0.0, -0.125]),
+            bones=motions,
+            root=np.array([0.25, 0.0, -0.125]),
+            R=deformer.solve(deformer.handles, motions),
+            model=prepared.model,
+            channels={"mouth_open": 0.25, "voice": 1.0},
+        ),
     )
 
 

@@ -219,19 +219,19 @@ def _morphs(base: str, frame: Frame) -> Iterator[bytes]:
     if frame.morphs is not None:
         yield encode(f"{base}/morphs", frame.morphs.weights)
         residual = encode(f"{base}/residual", frame.morphs.residual)
-        yield bundle(residual, encode(f"{base}/root", frame.root.astype(np.float32)))
+        yield bundle(residual, encode(f"{base}/root", frame.pose.root.astype(np.float32)))
 
 
 def _joints(base: str, frame: Frame) -> Iterator[bytes]:
-    if frame.joints is not None and frame.confidence is not None:
-        values = np.column_stack([frame.joints, frame.confidence]).astype(np.float32)
+    if frame.seen is not None:
+        values = np.column_stack([frame.seen.positions, frame.seen.confidence]).astype(np.float32)
         known = np.isfinite(values).all(axis=1)
         yield bundle(*(encode(f"{base}/joint/{JOINTS[j]}", values[j]) for j in np.flatnonzero(known)))
 
 
 def _handles(base: str, frame: Frame) -> Iterator[bytes]:
     names = part_names([handle.name for handle in frame.character.prepared.puppet.handle])
-    targets = frame.targets.astype(np.float32)
+    targets = frame.handles.astype(np.float32)
     if names:
         yield bundle(*(encode(f"{base}/handle/{name}", target) for name, target in zip(names, targets, strict=True)))
 
@@ -258,7 +258,7 @@ def _vertices(base: str, frame: Frame) -> Iterator[bytes]:
 
 
 def _channels(base: str, frame: Frame) -> Iterator[bytes]:
-    values = [encode(f"{base}/channel/{name}", value) for name, value in (frame.channels or {}).items()]
+    values = [encode(f"{base}/channel/{name}", value) for name, value in (frame.pose.channels or {}).items()]
     names = part_names(frame.character.prepared.puppet.targets)
     weights = zip(names, frame.targets_moved.tolist(), strict=True)
     values += [encode(f"{base}/target/{name}", weight) for name, weight in weights]
@@ -271,7 +271,7 @@ def _performer(base: str, frame: Frame) -> Iterator[bytes]:
 
 
 _DATAGRAMS: dict[str, Callable[[str, Frame], Iterator[bytes]]] = {
-    "controls": lambda base, frame: iter([encode(f"{base}/controls", frame.controls)]),
+    "controls": lambda base, frame: iter([encode(f"{base}/controls", frame.pose.controls)]),
     "morphs": _morphs,
     "joints": _joints,
     "handles": _handles,

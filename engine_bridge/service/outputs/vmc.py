@@ -53,9 +53,9 @@ def datagrams(frame: Frame, seconds: float) -> Iterator[bytes]:
         Bundles of no more than `DATAGRAM_BYTES` bytes.
     """
     humanoid = frame.character.humanoid
-    if humanoid is None or frame.motions is None:
+    if humanoid is None:
         return
-    placed = np.hstack(humanoid.pose(frame.motions, frame.root)).astype(np.float32)
+    placed = np.hstack(humanoid.pose(frame.pose.bones, frame.pose.root)).astype(np.float32)
     tracked = int(frame.state == "performing")
     messages = [
         encode("/VMC/Ext/OK", LOADED, CALIBRATION[frame.state], NORMAL_MODE, tracked),
@@ -72,7 +72,7 @@ def datagrams(frame: Frame, seconds: float) -> Iterator[bytes]:
 
 def _fingers(frame: Frame, placed: dict[str, NDArray[np.float32]]) -> Iterator[bytes]:
     """Write the measured joints of fingers. Palms are down in a T-pose: fingers bend about z, thumbs about y."""
-    channels = frame.channels or {}
+    channels = frame.pose.channels or {}
     for side, out in (("left", -1.0), ("right", 1.0)):
         name = side.title()
         hand = placed.get(f"{name}Hand")

@@ -352,7 +352,7 @@ class CharacterPlayer:
         self.sequence += 1
         self.shown = Appearance(self.motion.easing.shown, pose.channels, self.state, user, seen)
         place = self.character, self.sequence, time, received
-        return Frame.of_pose(*place, self.state, user, pose, seen)
+        return Frame(*place, self.state, user, pose, seen)
 
     def remembered(self) -> dict[int, tuple[Calibration, float]]:
         """Return the calibrations of present and former performers, and when each was last shown."""

@@ -3,10 +3,9 @@
 Each property is computed when it is first used, and once.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +15,6 @@ from engine_bridge.performance.channels import weights_at
 from engine_bridge.performance.pose import Pose
 from engine_bridge.service.protocol.header import Kind
 from engine_bridge.service.protocol.scene import StreamedCharacter
-from solver.model.reduced_model import Controls
-from solver.motion.deformer import to_file_units
 
 if TYPE_CHECKING:
     from engine_bridge.export.live_basis import Projection
@@ -55,20 +52,9 @@ class Frame:
         One of `engine_bridge.service.states.STATES`.
     user : int or None
         The performer.
-    R : (4m, 3) float64
-        Control variables without the root, model units.
-    root : (3,) float64
-        Translation of the whole character, mesh file's coordinates.
-    targets : (h, 3) float64
-        Target positions of the handles, with the root, mesh file's coordinates.
-    joints : (20, 3) float64 or None
-        The performer's joints, filtered and corrected for the sensor's tilt: metres, sensor coordinates, NaN if never
-        tracked; None without a performer.
-    confidence : (20,) float32 or None
-    motions : (b, 4, 3) float64 or None
-        Motions of the bones for row vectors, without the root, mesh file's coordinates.
-    channels : mapping of str to float or None
-        Values of the performer's channels, left and right as the character has them; None without a performer.
+    pose : Pose
+    seen : SkeletonFrame or None
+        The performer, filtered and corrected for the sensor's tilt; None without one.
     """
 
     character: StreamedCharacter
@@ -77,66 +63,41 @@ class Frame:
     received: int
     state: str
     user: int | None
-    R: NDArray[np.float64]
-    root: NDArray[np.float64]
-    targets: NDArray[np.float64]
-    joints: NDArray[np.float64] | None = None
-    confidence: NDArray[np.float32] | None = None
-    motions: NDArray[np.float64] | None = None
-    channels: Mapping[str, float] | None = None
+    pose: Pose
+    seen: SkeletonFrame | None = None
 
-    @classmethod
-    def of_pose(
-        cls,
-        character: StreamedCharacter,
-        sequence: int,
-        time: float,
-        received: int,
-        state: str,
-        user: int | None,
-        pose: Pose,
-        seen: SkeletonFrame | None,
-    ) -> Self:
-        """Return the frame of a pose, and of the performer's filtered and corrected joints if there is one."""
-        joints, confidence = (None, None) if seen is None else (seen.positions, seen.confidence)
-        moved = pose.R, pose.root, pose.targets + pose.root, joints, confidence, pose.bones, pose.channels
-        return cls(character, sequence, time, received, state, user, *moved)
+    @cached_property
+    def handles(self) -> NDArray[np.float64]:
+        """(h, 3) float64: positions that the handles are moved to, the root included, mesh file's coordinates."""
+        return self.pose.targets + self.pose.root
 
     @cached_property
     def targets_moved(self) -> NDArray[np.float32]:
         """(k,): weights of the mesh's own morph targets that channels move, in the order of `Puppet.targets`."""
-        return weights_at(self.character.prepared.puppet, self.channels)
-
-    @cached_property
-    def controls(self) -> Controls:
-        """(m, 3, 4) float32: transforms of rest positions, the root included."""
-        controls = to_file_units(self.R, self.character.prepared.model)
-        controls[:, :, 3] += self.root
-        return controls
+        return weights_at(self.character.prepared.puppet, self.pose.channels)
 
     @cached_property
     def vertices_and_normals(self) -> NDArray[np.float32]:
         """(2, n, 3) float32: positions, mesh file's coordinates, and unit normals."""
-        return self.character.vertices_and_normals(self.controls, self.targets_moved)
+        return self.character.vertices_and_normals(self.pose.controls, self.targets_moved)
 
     @cached_property
     def morphs(self) -> "Projection | None":
         """The pose on the character's morph basis; None without a basis."""
         basis = self.character.basis
-        return None if basis is None else basis.project(self.R)
+        return None if basis is None else basis.project(self.pose.R)
 
     @cached_property
     def bones(self) -> "BonePose | None":
-        """The pose of its joints, the root included; None without limbs or motions."""
-        skeleton = self.character.skeleton
-        if skeleton is None or self.motions is None:
+        """The pose of its joints, the root included; None without limbs."""
+        skeleton, motions = self.character.skeleton, self.pose.bones
+        if skeleton is None:
             return None
-        motions = self.motions
         if self.character.handle_motions is not None:
-            motions = np.concatenate([motions, self.character.handle_motions.of(self.R[None])[0]])
-        positions, rotations = skeleton.pose(motions, self.root)
-        if self.channels and self.character.finger_bends is not None:
-            self.character.finger_bends.bend(rotations, self.channels)
+            motions = np.concatenate([motions, self.character.handle_motions.of(self.pose.R[None])[0]])
+        positions, rotations = skeleton.pose(motions, self.pose.root)
+        if self.pose.channels and self.character.finger_bends is not None:
+            self.character.finger_bends.bend(rotations, self.pose.channels)
         return BonePose(rotations.astype("<f4"), positions[skeleton.travelling].astype("<f4"))
 
     @cached_property

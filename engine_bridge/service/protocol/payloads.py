@@ -96,6 +96,7 @@ def message(kind: Kind, frame: "Frame") -> bytes | None:
 
 def header(kind: Kind, length: int, frame: "Frame", published: int) -> Header:
     """Return the header of a message that belongs to a frame."""
+    x, y, z = frame.pose.root.tolist()
     return Header(
         kind=kind,
         length=length,
@@ -106,7 +107,7 @@ def header(kind: Kind, length: int, frame: "Frame", published: int) -> Header:
         time=frame.time,
         received=frame.received,
         published=published,
-        root=(float(frame.root[0]), float(frame.root[1]), float(frame.root[2])),
+        root=(x, y, z),
         targets=len(frame.targets_moved),
     )
 
@@ -124,9 +125,9 @@ def _vertices16(frame: "Frame") -> Parts:
 
 
 def _joints(frame: "Frame") -> Parts | None:
-    if frame.joints is None or frame.confidence is None:
+    if frame.seen is None:
         return None
-    return (np.column_stack([frame.joints, frame.confidence]).astype("<f4").data,)
+    return (np.column_stack([frame.seen.positions, frame.seen.confidence]).astype("<f4").data,)
 
 
 def _bones(frame: "Frame") -> Parts | None:
@@ -135,18 +136,19 @@ def _bones(frame: "Frame") -> Parts | None:
 
 
 def _channels(frame: "Frame") -> Parts | None:
-    return (write_json({name: round(value, 4) for name, value in frame.channels.items()}),) if frame.channels else None
+    channels = frame.pose.channels
+    return (write_json({name: round(value, 4) for name, value in channels.items()}),) if channels else None
 
 
 _PARTS: dict[Kind, Callable[["Frame"], Parts | None]] = {
-    Kind.CONTROLS: lambda frame: (frame.controls.data,),
+    Kind.CONTROLS: lambda frame: (frame.pose.controls.data,),
     Kind.MORPHS: _morphs,
     Kind.VERTICES: lambda frame: (frame.vertices_and_normals.data,),
     Kind.VERTICES16: _vertices16,
     Kind.JOINTS: _joints,
     Kind.BONES: _bones,
     Kind.CHANNELS: _channels,
-    Kind.HANDLES: lambda frame: (np.ascontiguousarray(frame.targets, dtype="<f4").data,),
+    Kind.HANDLES: lambda frame: (np.ascontiguousarray(frame.handles, dtype="<f4").data,),
 }
 
 

@@ -170,7 +170,7 @@ class StreamedCharacter:
         The description of its scene changes; its arrays and its revision stay.
         """
         other = copy(self)
-        vars(other)["rig"] = replace(self.prepared, puppet=puppet)
+        vars(other)["prepared"] = replace(self.prepared, puppet=puppet)
         for name in ("_with_fingers", "humanoid", "handle_motions", "displacements"):
             vars(other).pop(name, None)
         vars(other)["scene"] = with_description(self.scene, other)

@@ -2,6 +2,7 @@
 
 import itertools
 import json
+from operator import attrgetter
 
 import numpy as np
 
@@ -66,7 +67,8 @@ def from_the_middle(make, events, cut):
 
 def apart(ours, theirs, what):
     """Return how far apart a value of frames is (T,)."""
-    return np.array([np.abs(getattr(a, what) - getattr(b, what)).max() for a, b in zip(ours, theirs, strict=True)])
+    value = attrgetter(what)
+    return np.array([np.abs(value(a) - value(b)).max() for a, b in zip(ours, theirs, strict=True)])
 
 
 def ticks(start, seconds):
@@ -75,7 +77,7 @@ def ticks(start, seconds):
 
 def largest_step(frames, diagonal):
     """Return how far any handle goes from one frame to the next, in diagonals."""
-    return max(np.linalg.norm(b.targets - a.targets, axis=1).max() for a, b in itertools.pairwise(frames)) / diagonal
+    return max(np.linalg.norm(b.handles - a.handles, axis=1).max() for a, b in itertools.pairwise(frames)) / diagonal
 
 
 def level(time, **changed):

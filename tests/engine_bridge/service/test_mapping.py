@@ -55,8 +55,8 @@ def test_the_character_eases_to_the_new_mapping_while_the_performer_continues(ma
             continue
         aim = motion.performer.step(event)
         if event.time > edited_at + PREPARATION_SECONDS + 2 * TICK_SECONDS + EASE:
-            assert_array_equal(frame.targets, aim.targets + aim.root)
-            assert_array_equal(frame.root, aim.root)
+            assert_array_equal(frame.handles, aim.targets + aim.root)
+            assert_array_equal(frame.pose.root, aim.root)
             eased += 1
     assert eased > 30
 
@@ -68,7 +68,7 @@ def test_performers_who_arrive_after_an_edit_are_calibrated_for_it(make_stage, k
     )
     edited.players[0].remap(crossed(prepared_blob.puppet), 0.0)
     assert edited.players[0].settled
-    assert apart(play(edited, kung_fu), play(new, kung_fu), "R").max() == 0
+    assert apart(play(edited, kung_fu), play(new, kung_fu), "pose.R").max() == 0
 
 
 def test_the_idle_motion_follows_the_last_mapping_without_a_jump(make_stage, take, prepared_blob):
@@ -79,7 +79,7 @@ def test_the_idle_motion_follows_the_last_mapping_without_a_jump(make_stage, tak
     assert not player.settled
     still = play(stage, ticks(1.0, 0.5))
     play(unedited, ticks(0.0, 1.0))
-    assert apart(still, play(unedited, ticks(1.0, 0.5)), "targets").max() == 0  # until it has been worked out
+    assert apart(still, play(unedited, ticks(1.0, 0.5)), "pose.targets").max() == 0  # until it has been worked out
     superseded = player.make_idle()
     player.remap(crossed(crossed(prepared_blob.puppet)), 1.5)
     player.take_idle(superseded, 1.5)
@@ -94,7 +94,7 @@ def test_the_idle_motion_follows_the_last_mapping_without_a_jump(make_stage, tak
     after += play(stage, ticks(2.5, 2.0))
     steady = largest_step([*before, *still], prepared_blob.mesh.diagonal)
     assert largest_step([*before, *still, *after], prepared_blob.mesh.diagonal) <= 1.5 * steady
-    assert apart(after[30:60], before, "targets").max() > 0.1
+    assert apart(after[30:60], before, "pose.targets").max() > 0.1
 
 
 # From here on it is the whole service.
@@ -134,7 +134,7 @@ def test_a_mapping_is_edited_saved_and_loaded_again(service, dog, play):
     edited = service.ask("set_handle", character="dog", handle="left hand", gain=2, axes="xy")
     assert (row(edited, "left hand")["gain"], edited["saved"]) == (2.0, False)
     service.run(PREPARATION_SECONDS + EASE + 0.5)
-    assert np.ptp([frame.targets[hand] - frame.root for frame in service.run(3.0)], axis=0)[2] < 1e-6
+    assert np.ptp([frame.pose.targets[hand] for frame in service.run(3.0)], axis=0)[2] < 1e-6
     assert dog.read_text() == text
     assert service.ask("save_puppet", character="dog") == edited | {"saved": True}
     assert dog.read_text() == text.replace('joint = "hand_left"\n', 'joint = "hand_left"\naxes = "xy"\ngain = 2.0\n')
@@ -225,6 +225,6 @@ def test_the_idle_motion_is_computed_again_while_the_stream_continues(play, dog,
     service = play("--puppet", dog, "--source", "osc:0", "--idle", take)
     foot = [handle.name for handle in service.player("dog").character.prepared.puppet.handle].index("left foot")
     service.ask("set_handle", character="dog", handle="left foot", joints="hand_left", gain=3)
-    moved = [frame.targets[foot] - frame.root for frame in service.run(4.0)]
+    moved = [frame.pose.targets[foot] for frame in service.run(4.0)]
     assert_allclose(moved[0], [0.55, -1.65, 0.1], atol=0.05)
     assert np.linalg.norm(moved - moved[0], axis=1).max() > 0.3

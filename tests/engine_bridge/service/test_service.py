@@ -183,13 +183,13 @@ def test_a_reload_reads_the_stages_of_the_service_file_again(play, blob_puppet, 
     late = service.client("one/performer", "one/scene", "two/scene")
     assert [message.topic for message in service.heard(late)] == ["two/scene"]
     service.run(2.0)
-    held = [frame.R for frame in service.run(1.0)]  # the take drives the character, nobody else
+    held = [frame.pose.R for frame in service.run(1.0)]  # the take drives the character, nobody else
     assert len(held) >= 29
     assert all(np.array_equal(R, held[0]) for R in held)
     service.ask("stop")
     turned = service.run(1.0)
     assert turned[-1].state == "performing"
-    assert not np.array_equal(turned[-1].R, held[0])
+    assert not np.array_equal(turned[-1].pose.R, held[0])
 
 
 # From here on the process is the subject.

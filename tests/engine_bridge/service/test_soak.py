@@ -73,7 +73,7 @@ def test_every_frame_is_shown_or_dropped_by_a_stall_whatever_else_happens(
     assert numbers == list(range(1, len(numbers) + 1))
     times = [frame.time for frame in service.frames]
     assert times == sorted(times)
-    assert all(np.isfinite(frame.controls).all() for frame in service.frames)
+    assert all(np.isfinite(frame.pose.controls).all() for frame in service.frames)
 
 
 @pytest.mark.slow

@@ -30,7 +30,7 @@ def vertices_and_normals(stage, controls):
 
 
 def controls_of(frame):
-    return frame.controls
+    return frame.pose.controls
 
 
 @pytest.fixture
@@ -140,10 +140,10 @@ def test_a_character_that_stays_in_its_place(show, stage, mode):
         blended |= 0.1 < told["share"] < 0.9
         told["share"] *= mode == CONTROLS  # vertices are not blended
         expected, _ = vertices_and_normals(stage, between(stage, told, controls_of))
-        root = between(stage, told, lambda frame: frame.root)
+        root = between(stage, told, lambda frame: frame.pose.root)
         assert np.abs(positions - (expected - root)).max() <= ALIKE * stage.diagonal
     assert blended or mode == VERTICES
-    assert np.ptp([frame.root for frame in stage.sent.values()], axis=0).max() > 0.05 * stage.diagonal
+    assert np.ptp([frame.pose.root for frame in stage.sent.values()], axis=0).max() > 0.05 * stage.diagonal
 
 
 def test_more_fields_than_a_vertex_has_room_for_come_vertex_by_vertex(show, new_stage, blob_file, write_puppet, take):

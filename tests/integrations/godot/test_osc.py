@@ -144,8 +144,8 @@ def test_frames_of_the_service_become_signals(receive, danced):
     for found, expected in (
         (told["joints"]["places"], joints[known]),
         (told["joints"]["confidence"], confidence[known]),
-        (told["handles"]["places"], frame.targets),
-        (told["controls"]["numbers"], frame.controls.ravel()),
+        (told["handles"]["places"], frame.handles),
+        (told["controls"]["numbers"], frame.pose.controls.ravel()),
     ):
         np.testing.assert_allclose(found, expected, rtol=1e-6)
 

@@ -64,7 +64,7 @@ def test_vertices_uploaded_are_those_of_the_service_in_unitys_axes(show, stage, 
 
 
 def with_quick_normals(stage, said, theirs):
-    return theirs._replace(normals=cofactor_normals(stage, stage.sent[said["frame"]].controls))
+    return theirs._replace(normals=cofactor_normals(stage, stage.sent[said["frame"]].pose.controls))
 
 
 def test_the_graphics_card_gets_the_rest_pose_once_and_then_transforms(show, stage, shader):
@@ -112,13 +112,13 @@ def test_quick_normals_are_those_of_cofactors(show, stage):
 @pytest.mark.parametrize(("whole", "skins"), [(100, "found"), (1, "given with gaps")])
 def test_morphs_set_the_weights_of_the_targets_and_move_the_root(show, new_stage, danced, whole, skins):
     prepared = danced[0].character.prepared
-    directions = np.float32([danced[k].R - prepared.model.rest_controls for k in (20, 40)])
+    directions = np.float32([danced[k].pose.R - prepared.model.rest_controls for k in (20, 40)])
     character = StreamedCharacter("blob", prepared, 1, LiveBasis(directions, REACH, prepared.model))
     stage = new_stage([replace(frame, character=character) for frame in danced])
     shapes = ",".join(["smile", *(f"motion_{k}" for k in range(64))])
     program = show(stage, mode="Morphs", whole=whole, skins=skins, shapes=shapes)
     for said, theirs in shown(program, stage, kind=Kind.MORPHS):
-        x, y, z = stage.sent[said["frame"]].root * UNITY
+        x, y, z = stage.sent[said["frame"]].pose.root * UNITY
         # turned by 90° about y, and scaled
         assert said["root"] == pytest.approx([1 + 2 * z, 2 + 2 * y, 3 - 2 * x], abs=1e-5)
         expected = {1 + k: whole * weight for k, weight in enumerate(theirs.weights.tolist())}
@@ -280,7 +280,7 @@ def test_the_samples_buttons_record_a_take_play_it_record_over_it_and_trim_it(sh
 @pytest.mark.parametrize("mode", ["Morphs", "Bones"])
 def test_a_voice_moves_the_targets_that_the_meshes_have_themselves(mode, show, new_stage, spoken, tmp_path):
     prepared = spoken[0].character.prepared
-    directions = np.float32([frame.R - prepared.model.rest_controls for frame in spoken[:2]])
+    directions = np.float32([frame.pose.R - prepared.model.rest_controls for frame in spoken[:2]])
     character = StreamedCharacter("talker", prepared, 1, LiveBasis(directions, REACH, prepared.model))
     stage, bones = new_stage([replace(frame, character=character) for frame in spoken]), tmp_path / "bones.json"
     bones.write_text(json.dumps(stage.facts["bones"]))

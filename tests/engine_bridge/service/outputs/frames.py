@@ -5,6 +5,7 @@ from pythonosc.osc_bundle import OscBundle
 from pythonosc.osc_message import OscMessage
 
 from engine_bridge.export.live_basis import Projection
+from engine_bridge.performance.pose import Pose
 from engine_bridge.service.protocol.frame import Frame
 from puppetline import clock
 
@@ -16,11 +17,16 @@ def frame_of(character, sequence=0, **more):
         "received": clock.now_ns(),
         "state": "waiting",
         "user": None,
-        "R": character.prepared.model.rest_controls,
-        "root": np.zeros(3),
-        "targets": character.prepared.puppet.handle_positions,
+        "pose": pose_of(character.prepared),
     }
     return Frame(character=character, sequence=sequence, **values | more)
+
+
+def pose_of(prepared, **more):
+    """Return the rest pose of a character, or one with other values."""
+    model, handles = prepared.model, prepared.puppet.handle_positions
+    values = {"targets": handles, "bones": np.tile(np.eye(4, 3), (len(model.bones), 1, 1)), "root": np.zeros(3)}
+    return Pose(**values | {"R": model.rest_controls, "model": model} | more)
 
 
 class Open:

@@ -6,13 +6,13 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
-from capture.skeleton import JOINTS
+from capture.skeleton import JOINTS, SkeletonFrame
 from engine_bridge.service.outputs.osc import CHUNK_VERTICES, EARLY_SHARE, KINDS, OscOutput, OscTable, part_names
 from engine_bridge.service.protocol.scene import StreamedCharacter
 from puppetline.errors import ServiceError
 
 from ...refusals import refused
-from .frames import Basis, frame_of, messages, received
+from .frames import Basis, frame_of, messages, pose_of, received
 
 
 @pytest.fixture(scope="module")
@@ -33,36 +33,31 @@ def sent(output, receiver):
     return send
 
 
-def performed(character, sequence=0, **more):
-    """Return a frame with a value in every field; one joint is unknown."""
+def performed(character, sequence=0, *, is_seen=True, state="performing", user=2, **more):
+    """Return a frame with a value in every field, or with others in its pose; one joint is unknown."""
     joints = np.arange(60.0).reshape(20, 3)
     joints[3] = np.nan
-    values = {
-        "state": "performing",
-        "user": 2,
-        "R": character.prepared.model.rest_controls * (1 + 0.01 * sequence),
-        "root": np.array([1.0, 2.0, 3.0]),
-        "joints": joints,
-        "confidence": np.linspace(0, 1, 20, dtype=np.float32),
-    }
-    return frame_of(character, sequence, **values | more)
+    R = character.prepared.model.rest_controls * (1 + 0.01 * sequence)
+    pose = pose_of(character.prepared, **{"R": R, "root": np.array([1.0, 2.0, 3.0])} | more)
+    seen = SkeletonFrame(0.0, 2, joints, np.linspace(0, 1, 20, dtype=np.float32))
+    return frame_of(character, sequence, state=state, user=user, pose=pose, seen=seen if is_seen else None)
 
 
 def test_each_kind_has_its_addresses_and_values_and_what_is_not_known_is_not_sent(sent, dog):
     frame = performed(dog, 3)
     got = dict(sent(frame, "controls", "morphs", "joints", "handles"))
     controls = got.pop("/puppetline/dog/controls")
-    assert_array_equal(np.array(controls, dtype=np.float32), frame.controls.ravel())
+    assert_array_equal(np.array(controls, dtype=np.float32), frame.pose.controls.ravel())
     assert got.pop("/puppetline/dog/morphs") == [0.5, 0, 1]
     assert got.pop("/puppetline/dog/residual") == [0.125]
     assert got.pop("/puppetline/dog/root") == [1, 2, 3]
     known = [number for number, name in enumerate(JOINTS) if name != "head"]
     joints = [got.pop(f"/puppetline/dog/joint/{JOINTS[number]}") for number in known]
-    assert_allclose(joints, np.column_stack([frame.joints, frame.confidence])[known], rtol=1e-6)
+    assert_allclose(joints, np.column_stack([frame.seen.positions, frame.seen.confidence])[known], rtol=1e-6)
     names = [handle.name.replace(" ", "_") for handle in dog.prepared.puppet.handle]
     assert list(got) == [f"/puppetline/dog/handle/{name}" for name in names]
-    assert_allclose(list(got.values()), frame.targets, rtol=1e-6)
-    bare = performed(replace(dog, basis=None), joints=None, confidence=None)
+    assert_allclose(list(got.values()), frame.handles, rtol=1e-6)
+    bare = performed(replace(dog, basis=None), is_seen=False)
     kinds = {address.split("/")[3] for address, _ in sent(bare, *KINDS)}
     assert kinds == {"controls", "handle", "performer", "vertices"}
 
@@ -71,7 +66,7 @@ def test_bones_are_rotations_by_the_name_of_the_joint_and_positions_of_those_tha
     figure = StreamedCharacter("figure", limbed_figure, 1)
     turns = Rotation.from_rotvec(np.random.default_rng(3).normal(size=(len(limbed_figure.model.bones), 3)))
     motions = np.concatenate([turns.as_matrix(), np.zeros((len(turns), 1, 3))], axis=1)
-    frame = performed(figure, motions=motions)
+    frame = performed(figure, bones=motions)
     got = dict(sent(frame, "bones"))
     skeleton, pose = figure.skeleton, frame.bones
     rotations = [got.pop(f"/puppetline/figure/bone/{name}") for name in skeleton.names]
@@ -121,7 +116,7 @@ def test_frames_are_sent_at_most_at_the_rate_and_the_newest_is_chosen(
             assert shown == number - 1  # the newest that has been offered
             sent.append(given_clock.now())
         given_clock.advance_to(arrival)
-        out.offer(performed(dog, number, targets=np.full((5, 3), number)))
+        out.offer(performed(dog, number, targets=np.full((5, 3), number), root=np.zeros(3)))
     times = np.array(sent)
     for apart in (1, 5, 50):
         assert (times[apart:] - times[:-apart] >= (apart - EARLY_SHARE) / rate - 1e-9).all()
@@ -144,16 +139,16 @@ def test_the_turns_of_characters_and_targets_are_their_own(output, receiver, dog
 def test_a_payload_is_computed_only_when_it_is_sent(output, dog):
     out, frame = output(send=("controls",)), performed(dog)
     out.offer(frame)
-    assert "controls" not in vars(frame)
+    assert "controls" not in vars(frame.pose)
     out.offer(performed(dog))
     out.send_due()
-    assert "controls" not in vars(frame)
+    assert "controls" not in vars(frame.pose)
 
 
 def test_errors_are_counted_and_the_next_frame_is_another_try(output, receiver, dog, given_clock):
     out = output(send=("controls",))
     many = performed(dog)
-    vars(many)["controls"] = np.zeros((2000, 3, 4), dtype=np.float32)  # no datagram is so large
+    vars(many.pose)["controls"] = np.zeros((2000, 3, 4), dtype=np.float32)  # no datagram is so large
     for frame, sent in ((many, 0), (performed(dog), 1)):
         out.offer(frame)
         out.send_due()

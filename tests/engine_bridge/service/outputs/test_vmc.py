@@ -20,7 +20,7 @@ from engine_bridge.service.outputs.vmc import DATAGRAM_BYTES, datagrams
 from engine_bridge.service.protocol.scene import StreamedCharacter
 from solver.motion.limb_motion import LimbMotion
 
-from .frames import frame_of, messages, received
+from .frames import frame_of, messages, pose_of, received
 
 SIDE = """
 [[limb]]
@@ -63,8 +63,9 @@ def moved_by(figure):
     """Make frames of the figure whose bones are where they rest, or elsewhere."""
     still = np.tile(np.eye(4, 3), (sum(len(limb.points) - 1 for limb in figure.prepared.puppet.limbs), 1, 1))
 
-    def make(motions=still, sequence=0, state="performing", root=(0.0, 0.0, 0.0), character=figure, **more):
-        return frame_of(character, sequence, state=state, user=1, root=np.array(root), motions=motions, **more)
+    def make(motions=still, sequence=0, state="performing", root=(0.0, 0.0, 0.0), character=figure, channels=None):
+        pose = pose_of(character.prepared, bones=motions, root=np.array(root), channels=channels)
+        return frame_of(character, sequence, state=state, user=1, pose=pose)
 
     return make
 

@@ -47,16 +47,16 @@ def test_frames_are_the_poses_of_a_motion_with_the_calibrations_at_their_times(m
             if number == first:
                 motion.follow(time, motion.retargeting(calibration.rest))
         pose = motion.step(event)
-        assert_array_equal(frame.R, pose.R)
-        assert_array_equal(frame.controls, pose.controls)
-        assert_array_equal(frame.targets, pose.targets + pose.root)
-        assert_array_equal(frame.motions, pose.bones)
-    assert_array_equal(frame.joints, motion.performer.joints)
+        assert_array_equal(frame.pose.R, pose.R)
+        assert_array_equal(frame.pose.controls, pose.controls)
+        assert_array_equal(frame.handles, pose.targets + pose.root)
+        assert_array_equal(frame.pose.bones, pose.bones)
+    assert_array_equal(frame.seen.positions, motion.performer.joints)
 
 
 def largest_turn(frames):
     """Return the largest angle that a bone turns by from one frame to the next, radians."""
-    R = np.array([frame.motions[:, :3] for frame in frames])
+    R = np.array([frame.pose.bones[:, :3] for frame in frames])
     assert_allclose(R @ np.swapaxes(R, -1, -2), np.broadcast_to(np.eye(3), R.shape), atol=1e-9)
     trace = np.einsum("tbij,tbij->tb", R[1:], R[:-1])
     return np.arccos(np.clip((trace - 1) / 2, -1, 1)).max()
@@ -73,14 +73,14 @@ def test_a_character_never_jumps_when_a_performer_comes_goes_and_returns(make_st
     states = [state for state, _ in itertools.groupby(frame.state for frame in frames)]
     assert states == ["calibrating", "performing", "leaving", "waiting", "calibrating", "performing"]
     assert largest_step(frames, prepared.mesh.diagonal) <= 1.5 * largest_step(steady, prepared.mesh.diagonal)
-    assert np.abs(frames[149].R - prepared.model.rest_controls).max() > 1e-2
+    assert np.abs(frames[149].pose.R - prepared.model.rest_controls).max() > 1e-2
     resting = next(frame for frame in reversed(frames) if frame.state == "waiting")
-    assert_allclose(resting.R, prepared.model.rest_controls, atol=1e-5)
+    assert_allclose(resting.pose.R, prepared.model.rest_controls, atol=1e-5)
     returned = next(frame.time for frame in frames if frame.time > gone + 2.0 and frame.state == "performing")
     assert returned - gone - 2.0 <= PREPARATION_SECONDS + 3 * TICK_SECONDS  # remembered: no second still second
     if prepared.puppet.limbs:
         assert largest_turn(frames) <= 1.5 * largest_turn(steady)
-        assert_allclose(resting.motions, np.broadcast_to(np.eye(4, 3), resting.motions.shape), atol=1e-9)
+        assert_allclose(resting.pose.bones, np.broadcast_to(np.eye(4, 3), resting.pose.bones.shape), atol=1e-9)
 
 
 def test_a_performer_can_be_calibrated_on_command_only(make_stage, kung_fu):
@@ -97,9 +97,9 @@ def test_a_mirrored_character_moves_its_other_hand_and_has_the_channels_of_the_o
     mirrored.step(Cue(0.0, "mirror", {"on": True}), 0)
     winking = [replace(frame, channels={"blink_left": 0.5, "voice": 0.25}) for frame in kung_fu]
     played = [play(stage, winking)["dog"] for stage in (plain, mirrored)]
-    assert played[0][-1].channels == winking[0].channels
-    assert played[1][-1].channels == {"blink_right": 0.5, "voice": 0.25}
-    ours, theirs = ([frame.root for frame in frames] for frames in played)
+    assert played[0][-1].pose.channels == winking[0].channels
+    assert played[1][-1].pose.channels == {"blink_right": 0.5, "voice": 0.25}
+    ours, theirs = ([frame.pose.root for frame in frames] for frames in played)
     # side to side is turned round, to and fro is not
     assert_allclose(np.array(theirs), np.array(ours) * [-1, 1, 1], atol=1e-9)
     assert np.abs(ours).max(axis=0)[0] > 0.05
@@ -114,7 +114,7 @@ def test_a_joint_of_little_confidence_is_held_where_it_was(make_stage, kung_fu):
             sure = np.where(np.arange(20) == 7, confidence, frame.confidence)
             frames[number] = replace(frame, positions=positions, confidence=sure.astype(np.float32))
     ours, theirs = (play(make_stage(), frames)["dog"] for frames in (unsure, gone))
-    assert apart(ours, theirs, "controls").max() == 0
+    assert apart(ours, theirs, "pose.controls").max() == 0
 
 
 def test_a_pause_in_the_midst_of_easing_does_not_jump(make_stage, kung_fu, moved, prepared_blob):
@@ -173,7 +173,7 @@ def test_joints_are_filtered_before_the_calibration_as_well(make_stage, kung_fu)
     frames = play(make_stage(), kung_fu[:30])["dog"]
     smoothing = JointFilter(frames[0].character.prepared.puppet.smoothing.parameters)
     for event, frame in zip(kung_fu[:30], frames, strict=True):
-        assert_array_equal(frame.joints, smoothing.step(event.time, event.positions, event.confidence))
+        assert_array_equal(frame.seen.positions, smoothing.step(event.time, event.positions, event.confidence))
 
 
 TILTED = SensorPose.of_degrees(12.0, 0.0, 4.0, np.array([0.0, 1.3, 0.0]))
@@ -193,8 +193,8 @@ def test_a_sensor_that_sees_the_floor_is_set_upright_at_once_and_exactly(make_st
     upright = play(make_stage(player_settings=LEVEL), kung_fu)["dog"]
     tilted = play(make_stage(), [STANDS, *seen_from_above(kung_fu)])["dog"][-len(upright) :]
     assert [frame.state for frame in tilted] == [frame.state for frame in upright]
-    assert apart(tilted, upright, "joints").max() < 1e-9
-    assert apart(tilted, upright, "targets").max() < 1e-3  # the still second's medians
+    assert apart(tilted, upright, "seen.positions").max() < 1e-9
+    assert apart(tilted, upright, "pose.targets").max() < 1e-3  # the still second's medians
 
 
 def test_the_sensors_settings_take_precedence_over_the_measured_floor(make_stage, kung_fu):
@@ -209,7 +209,7 @@ def test_a_performer_keeps_the_calibration_when_the_sensor_is_moved(make_stage, 
     moved_stage = make_stage()
     moved = play(moved_stage, [stood, *kung_fu[:moment], level(kung_fu[moment - 1].time), *kung_fu[moment:]])["dog"]
     assert steady[moment].state == "performing"
-    assert apart(steady, moved, "targets").max() == 0
+    assert apart(steady, moved, "pose.targets").max() == 0
     moved_stage.step(Cue(kung_fu[-1].time, "calibrate"), 0)
     moved_stage.step(Cue(kung_fu[-1].time, "begin"), 0)
     assert moved_stage.players[0].sensor == SensorTilt(12.0, 1.3, 4.0)
@@ -224,7 +224,7 @@ def test_a_performer_calibrated_before_the_floor_was_seen_is_set_upright_too(mak
     assert stage.players[0].sensor == SensorTilt(12.0, 1.3, 4.0)
     settled = kung_fu[moment].time + PREPARATION_SECONDS + EASE + TICK_SECONDS
     since = next(k for k, frame in enumerate(late) if frame.time > settled)
-    off = apart(early[-len(late) :], late, "targets")[since:]
+    off = apart(early[-len(late) :], late, "pose.targets")[since:]
     assert len(off) > 60
     assert off.max() < 1e-3  # the filter has begun anew
     assert largest_step(late, prepared_blob.mesh.diagonal) <= 1.5 * largest_step(early, prepared_blob.mesh.diagonal)

@@ -48,11 +48,11 @@ def test_a_take_with_limbs_moves_the_bones_as_before_one_second_after_its_start(
     assert len(legs) == 2
     bones = [limb.name not in legs for limb in parents_first(limbed_figure.puppet.limbs) for _ in limb.points[1:]]
     turned = np.array(
-        [np.abs(a.motions - b.motions)[bones, :3].max() for a, b in zip(ours, theirs, strict=True)], dtype=float
+        [np.abs(a.pose.bones - b.pose.bones)[bones, :3].max() for a, b in zip(ours, theirs, strict=True)], dtype=float
     )
     assert turned[times > 1].max() < 0.02
     assert turned[times > 2].max(initial=0) < 1e-3
-    assert apart(ours, theirs, "root")[times > 1].max() < 1e-2 * limbed_figure.mesh.diagonal
+    assert apart(ours, theirs, "pose.root")[times > 1].max() < 1e-2 * limbed_figure.mesh.diagonal
 
 
 @pytest.fixture
@@ -75,11 +75,11 @@ def test_a_take_has_who_is_who_at_once_and_the_same_controls_one_second_after_it
     both.insert(302, Cue(both[301].time + 1e-3, "mirror", {"character": "cat"}))
     events = with_beginnings_of(make_stage(("dog", "cat")), both)
     ours, theirs, times = from_the_middle(lambda: make_stage(("dog", "cat")), events, cut)
-    off = apart(ours, theirs, "R") / prepared_blob.mesh.diagonal
+    off = apart(ours, theirs, "pose.R") / prepared_blob.mesh.diagonal
     assert off[times > 1].max() < 1e-3
     assert off[times > 3].max() < 1e-6
     if cut < 75:  # nobody was calibrated yet
-        assert apart(ours, theirs, "targets").max() == 0
+        assert apart(ours, theirs, "pose.targets").max() == 0
         assert off.max() < 1e-12
 
 
@@ -117,7 +117,7 @@ def test_a_loop_resumes_at_the_times_of_each_pass(make_stage, kung_fu, moved):
     later = [moved(each, time=each.time + 60.0) for each in kung_fu[100:]]
     second = replay(other, [replace(begin, time=begin.time + 60.0), *later])
     assert {frame.state for frame in second} == {"performing"}
-    assert apart(first[60:200], second[60:200], "targets").max() < 1e-9
+    assert apart(first[60:200], second[60:200], "pose.targets").max() < 1e-9
 
 
 def test_a_loop_keeps_its_performer_and_calibration_and_each_pass_is_the_same(make_stage, kung_fu, moved):
@@ -130,7 +130,7 @@ def test_a_loop_keeps_its_performer_and_calibration_and_each_pass_is_the_same(ma
     assert {frame.state for frame in first} == {"calibrating", "performing"}
     assert {(frame.state, frame.user) for frame in second + third} == {("performing", 1)}
     eased = round(1.2 * PlayerSettings().ease / TICK_SECONDS)
-    assert apart(second[eased:], third[eased:], "targets").max() < 1e-9
+    assert apart(second[eased:], third[eased:], "pose.targets").max() < 1e-9
     diagonal = stage.players[0].character.prepared.mesh.diagonal
     assert largest_step(first[-1:] + second + third, diagonal) < 1.1 * largest_step(first, diagonal)
     left = replay(stage, ticks(third[-1].time, 1.0))
@@ -149,7 +149,7 @@ def test_two_people_get_a_character_each_in_the_order_in_which_they_came(make_st
     both = [frame for frame in shown["dog"] if frame.time <= alone[-1].time]
     begun = next(k for k, frame in enumerate(alone) if frame.state == "performing")
     eased = begun + round(1.2 * PlayerSettings().ease / TICK_SECONDS)
-    assert apart(alone, both, "targets")[eased:].max() == 0
+    assert apart(alone, both, "pose.targets")[eased:].max() == 0
 
 
 def test_a_user_can_be_chosen_for_a_character_and_stays_even_if_others_are_nearer(make_stage, together):
@@ -173,7 +173,7 @@ def test_a_user_can_be_chosen_for_a_character_and_stays_even_if_others_are_neare
 def test_frames_that_do_not_go_forward_are_left_out(make_stage, kung_fu, moved):
     stage, plain = make_stage(), make_stage()
     stuttering = [event for frame in kung_fu for event in (frame, moved(frame, by=(1.0, 0.0, 0.0)))]
-    assert apart(play(stage, stuttering)["dog"], play(plain, kung_fu)["dog"], "controls").max() == 0
+    assert apart(play(stage, stuttering)["dog"], play(plain, kung_fu)["dog"], "pose.controls").max() == 0
 
 
 @pytest.mark.parametrize("state", ["performing", "leaving"])
@@ -265,8 +265,8 @@ def test_a_take_is_converted_as_it_was_streamed(
         clip, summary = convert(tmp_path / "take.log", blob_puppet, tmp_path / "out.glb", settings)
         assert len(clip.motion) == len(streamed) > 60
         begun = 90 if cut == 0 else 30
-        moved = [np.abs(a - b.R).max() for a, b in zip(clip.motion.R[:], streamed, strict=True)]
-        travelled = [np.abs(a - b.root).max() for a, b in zip(clip.motion.root, streamed, strict=True)]
+        moved = [np.abs(a - b.pose.R).max() for a, b in zip(clip.motion.R[:], streamed, strict=True)]
+        travelled = [np.abs(a - b.pose.root).max() for a, b in zip(clip.motion.root, streamed, strict=True)]
         return max(*moved[begun:], *travelled[begun:]) / prepared_blob.model.diagonal, " ".join(summary.notes)
 
     distance, notes = convert_take(Settings())

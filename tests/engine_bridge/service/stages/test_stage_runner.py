@@ -93,7 +93,7 @@ def test_events_of_a_take_are_in_order_even_if_the_sources_are_not(open_stage, t
     runner.stop_recording().close()
     again = open_stage("replay:take.log")
     replayed = [frame for frame in run(again, lambda: is_silent(again)) if frame.time <= live[-1].time]
-    assert apart(live, replayed, "controls").max() == 0
+    assert apart(live, replayed, "pose.controls").max() == 0
 
 
 @pytest.fixture

@@ -52,13 +52,13 @@ def theatre(make_theatre, loud, talking_puppet):
 
 def test_the_voice_opens_the_mouth_live_in_every_output(theatre):
     frames, began = theatre.of("dog"), theatre.began
-    voice = {frame.time - began: frame.channels["voice"] for frame in frames}
+    voice = {frame.time - began: frame.pose.channels["voice"] for frame in frames}
     assert all(value > 0.8 for at, value in voice.items() if 0.9 < at < 1.35 or at > 2.3)
     assert all(value < 0.05 for at, value in voice.items() if at < 0.8 or 1.6 < at < 2.2)
-    spoken = next(frame for frame in frames if frame.channels["voice"] > 0.8)
-    quiet = next(frame for frame in frames if not frame.channels["voice"])
+    spoken = next(frame for frame in frames if frame.pose.channels["voice"] > 0.8)
+    quiet = next(frame for frame in frames if not frame.pose.channels["voice"])
     for frame in (quiet, spoken):
-        weight = np.float32(frame.channels["voice"])
+        weight = np.float32(frame.pose.channels["voice"])
         for kind in (Kind.CONTROLS, Kind.VERTICES16, Kind.BONES):
             assert decode(message(kind, frame)).targets.tolist() == [weight]
         (datagram,) = osc._DATAGRAMS["channels"]("/puppetline/dog", frame)
@@ -66,7 +66,7 @@ def test_the_voice_opens_the_mouth_live_in_every_output(theatre):
         assert sent == {"/puppetline/dog/channel/voice": [weight], "/puppetline/dog/target/jaw": [weight]}
     rest, moved = spoken.character.binding.rest, spoken.character.displacements[0]
     places = spoken.vertices_and_normals[0]
-    assert np.abs(places - spoken.character.binding.vertices(spoken.controls)).max() > 0.05
+    assert np.abs(places - spoken.character.binding.vertices(spoken.pose.controls)).max() > 0.05
     assert np.array_equal(spoken.character.binding.rest, rest)
     assert moved.min() == pytest.approx(-0.2)
     assert describe(spoken.character)["targets"] == ["jaw"]
@@ -94,8 +94,8 @@ def test_a_take_with_sound_replays_bit_for_bit_and_has_the_sound_on_its_clock(
     assert len(track.times) == len(frames)
     for number, frame in enumerate(frames):
         shown, (_, pose) = track.frame(number)
-        assert np.array_equal(pose.R, frame.R)
-        assert shown.channels == frame.channels
+        assert np.array_equal(pose.R, frame.pose.R)
+        assert shown.channels == frame.pose.channels
     samples, rate = read_wav(path.with_suffix(".wav"))
     (cue,) = [event for event in puppetline_log.events(path) if getattr(event, "do", "") == "sound"]
     assert cue.arguments["file"] == "take1.wav"
@@ -104,7 +104,7 @@ def test_a_take_with_sound_replays_bit_for_bit_and_has_the_sound_on_its_clock(
     assert onset == pytest.approx(0.8, abs=0.005)
     timeline, notes = load_timeline(path, Settings())
     assert not any("cannot be read" in note for note in notes)
-    live = [frame.channels["voice"] for frame in frames]
+    live = [frame.pose.channels["voice"] for frame in frames]
     live = np.interp(timeline.times, [frame.time - frames[0].time for frame in frames], live)
     # sampled at other moments, with 10 to 30 ms of delay
     assert np.abs(timeline.channels["voice"] - live).mean() < 0.06

@@ -41,7 +41,9 @@ def with_performer(begin):
 def follows(track, frames, zero, speed=1.0):
     """Whether each frame has the controls of the track's frame that is due then; `zero` is the moment of its start."""
     numbers = [track.index(speed * (frame.received / 1e9 - zero) + 1e-6) for frame in frames]
-    return [np.array_equal(track.frame(k)[1][1].R, frame.R) for k, frame in zip(numbers, frames, strict=True)], numbers
+    return [
+        np.array_equal(track.frame(k)[1][1].R, frame.pose.R) for k, frame in zip(numbers, frames, strict=True)
+    ], numbers
 
 
 def assert_eases_in(equal, frames, zero, seconds=EASE):
@@ -76,7 +78,7 @@ def test_a_pause_holds_the_pose_goes_on_with_the_next_frame_and_can_jump(begin):
     theatre.playback.timeline.pause(True, clock.now())
     theatre.run(1.0)
     assert len(theatre.of("dog")) >= 25
-    assert all(np.array_equal(frame.R, before.R) for frame in theatre.of("dog"))
+    assert all(np.array_equal(frame.pose.R, before.pose.R) for frame in theatre.of("dog"))
     theatre.playback.timeline.pause(False, clock.now())
     theatre.run(0.2)
     equal, numbers = follows(track, theatre.of("dog"), zero + 1.0)
@@ -86,8 +88,8 @@ def test_a_pause_holds_the_pose_goes_on_with_the_next_frame_and_can_jump(begin):
     theatre.playback.seek(2.5)
     theatre.run(1.0)
     frames = theatre.of("dog")
-    assert np.array_equal(frames[-1].R, track.frame(track.index(2.5))[1][1].R)
-    assert not np.array_equal(frames[0].R, frames[-1].R)
+    assert np.array_equal(frames[-1].pose.R, track.frame(track.index(2.5))[1][1].R)
+    assert not np.array_equal(frames[0].pose.R, frames[-1].pose.R)
 
 
 def test_a_loop_begins_again_and_a_take_ends_at_its_end(begin):
@@ -219,5 +221,5 @@ def test_parts_of_takes_follow_one_another_on_one_character(begin, paths):
     for at, seconds, part, shown in ((0.0, 0.48, track, 0.98), (2.0, 0.38, again, 0.58)):
         theatre.playback.seek(at)
         theatre.run(seconds)
-        assert np.array_equal(theatre.of("dog")[-1].R, part.frame(part.index(shown))[1][1].R)
+        assert np.array_equal(theatre.of("dog")[-1].pose.R, part.frame(part.index(shown))[1][1].R)
     assert refused(ServiceError, theatre.playback.add, track, 0.0, 90.0).where == "take 'take1'"

@@ -46,7 +46,7 @@ def test_a_take_plays_up_to_its_damage_and_says_so(record_take, make_player):
     track = TakeTrack(make_player("dog"), path)
     assert "line 61" in track.note
     assert 50 < len(track.times) < 60
-    assert np.array_equal(track.frame(50)[1][1].R, frames[50].R)
+    assert np.array_equal(track.frame(50)[1][1].R, frames[50].pose.R)
 
 
 def test_a_take_with_a_damaged_beginning_plays_like_any_other_recording(record_take, make_player):

@@ -14,7 +14,7 @@ def test_a_track_has_the_frames_that_the_take_was_recorded_with_in_any_order(rec
     jumps = (70, 69, 3, 32, 33, 31, 64, 88, 0, 1, 1, len(frames) - 1)
     for number in (*range(len(frames)), *jumps):
         (shown, (_, pose)), frame = track.frame(number), frames[number]
-        assert np.array_equal(pose.R, frame.R)
-        assert np.array_equal(shown.target.root, frame.root)
+        assert np.array_equal(pose.R, frame.pose.R)
+        assert np.array_equal(shown.target.root, frame.pose.root)
         assert (shown.state, shown.user) == ("performing", frame.user)  # nobody is calibrated now
     assert frames[0].state == "calibrating"

@@ -16,7 +16,7 @@ import { untilRelease } from "./pointer";
 import { PlayingFilm } from "./playing_film";
 import { Portraits } from "./portraits";
 import { FRONT, SIDE, Stage } from "./stage";
-import { type Draft, characterAt, dragged } from "./standing";
+import { type Draft, characterAt, dragged, stand } from "./standing";
 
 /** Time between images while the machine makes a film without a graphics card, in milliseconds, unless the camera moves. */
 const WORKING_MS = 4000;
@@ -266,23 +266,12 @@ export class Viewer {
     this.callbacks.arrived();
   }
 
-  /** Let characters stand as the film's scene says, and return whether that has changed; those without a place there stand side by side. */
+  /** Let characters stand as the film's scene says, and return whether that has changed. */
   private arrange({ film, draft, face }: State): boolean {
-    const { scene } = film.present;
-    const standing = JSON.stringify([face, scene.character, draft, [...this.figures.keys()]]);
+    const standing = JSON.stringify([face, film.present.scene.character, draft, [...this.figures.keys()]]);
     if (standing === this.standing) return false;
     this.standing = standing;
-    let right: number | null = null;
-    for (const [name, figure] of this.figures) {
-      if (figure.mesh === null) continue;
-      const row = rowOf(scene, name);
-      figure.stand({ ...row, ...(draft?.name === name ? draft : {}) });
-      figure.tint(face === "film" ? (row?.color ?? null) : null);
-      if (row?.position != null) continue;
-      const { min, max } = figure.box();
-      if (right !== null) figure.group.position.x = right + 0.15 * (max.x - min.x) - min.x;
-      right = figure.box().max.x;
-    }
+    stand(this.figures, film.present.scene, draft, face);
     return true;
   }
 

@@ -139,7 +139,7 @@ class LimbEnds:
         if self._feet_touch():
             low = self.cells[:, 1] < self.low[1] + TOE_DISTANCE * self.height
             self.skeleton = curve_skeleton(parted(self.solid, self.cells[:, 0] > self.middle, low))
-        self.feet = self._feet()
+        self.feet = [tuple(self._amid_foot(tip) for tip in row) for row in self._feet()]
         self.four_legged = len(self.feet) > 1
         self.head = self._head()
 
@@ -211,6 +211,16 @@ class LimbEnds:
         given_legs = any("leg" in name for name in self.ends)
         fins = self.lies and len(standing) == 1 and self._belly_height(standing[0]) < MIN_BELLY_HEIGHT
         return [] if fins and not given_legs else standing
+
+    def _amid_foot(self, tip: int) -> int:
+        """Return the cell beside the end of a foot that is in the middle of the foot from left to right."""
+        if tip in self.ends.values():
+            return tip
+        away = self.cells - self.cells[tip]
+        reach = self._thicknesses(tip)[1] * self.height
+        beside = (np.abs(away[:, 1:]) < reach).all(axis=1) & (np.abs(away[:, 0]) < 2 * reach)
+        beside &= (self.cells[:, 0] > self.middle) == (self.cells[tip, 0] > self.middle)
+        return int(np.hypot(away[:, 0] - away[beside, 0].mean(), np.linalg.norm(away[:, 1:], axis=1)).argmin())
 
     def _belly_height(self, feet: Feet) -> float:
         """Return the height of the belly above feet, in heights of the body without thin parts."""

@@ -281,13 +281,17 @@ def limbs_of_shape(
         return replace(orientation.propose(surface, up, front), others=(before,))
 
     found = limbs(stands.up, stands.front)
-    if ends or any(is_leg(chain.name) for chain in found.chains):
+    legs = [chain.name for chain in found.chains if is_leg(chain.name)]
+    armless = len(legs) == 2 and not any("arm" in chain.name or "wing" in chain.name for chain in found.chains)
+    if ends or (legs and not armless):
         return stands, found
     for up, front, chance in stands.others[:MAX_OTHER_WAYS]:
         is_tried = up in orientation.FILE_UPS and chance >= MIN_WAY_PROBABILITY
         other = limbs(up, front) if is_tried else Limbs(())
         if is_person(other.points, unit_vector(up)) and "tail" not in other.points and not other.notes:
             return standing(up, front), other
+    if legs:
+        return stands, found
     ahead = orientation.bulky_end(surface, stands.up)
     if ahead is not None and any((up, front) == (stands.up, ahead) for up, front, _ in stands.others):
         other = limbs(stands.up, ahead)

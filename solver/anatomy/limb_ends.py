@@ -40,6 +40,10 @@ parts: two legs carry it above the ground, and lower ones are the fins of a fish
 MIN_RISE_COSINE = np.cos(np.radians(40))
 """Minimum cosine between up and the direction from the foot of a single leg to the body."""
 
+CORNER_SHARE = 0.75
+"""Minimum distance of the end of a foot from the foot's middle, from left to right, in thicknesses of the leg, at which
+it is a corner of a block."""
+
 MIN_FOOT_THICKNESS = 0.3
 """Minimum thickness of a foot, as a share of the thickest one; the hem of a cape is thinner."""
 
@@ -213,14 +217,15 @@ class LimbEnds:
         return [] if fins and not given_legs else standing
 
     def _amid_foot(self, tip: int) -> int:
-        """Return the cell beside the end of a foot that is in the middle of the foot from left to right."""
-        if tip in self.ends.values():
-            return tip
+        """Return the cell beside the end of a foot that is amid the foot from left to right, if the end is a corner."""
         away = self.cells - self.cells[tip]
         reach = self._thicknesses(tip)[1] * self.height
-        beside = (np.abs(away[:, 1:]) < reach).all(axis=1) & (np.abs(away[:, 0]) < 2 * reach)
+        beside = (np.abs(away[:, 1:]) < reach).all(axis=1) & (np.abs(away[:, 0]) < 3 * reach)
         beside &= (self.cells[:, 0] > self.middle) == (self.cells[tip, 0] > self.middle)
-        return int(np.hypot(away[:, 0] - away[beside, 0].mean(), np.linalg.norm(away[:, 1:], axis=1)).argmin())
+        aside = away[beside, 0].mean()
+        if tip in self.ends.values() or abs(aside) < CORNER_SHARE * reach:
+            return tip
+        return int(np.hypot(away[:, 0] - aside, np.linalg.norm(away[:, 1:], axis=1)).argmin())
 
     def _belly_height(self, feet: Feet) -> float:
         """Return the height of the belly above feet, in heights of the body without thin parts."""

@@ -283,6 +283,9 @@ GUN = [((0.5, 1.2, 0.15), (0.55, -0.25, 0.15), 0.05)]
 SLENDER = [(SHOULDER, (0.55, 1.43, 0.0), 0.045), ((0.55, 1.43, 0.0), (0.95, 1.4, 0.0), 0.026)]
 
 SLEEVE = [((0.1, 1.42, 0.0), (0.45, 1.43, 0.0), 0.09), ((0.45, 1.43, 0.0), (0.95, 1.4, 0.0), 0.035)]
+WIDE_FOOT = [((0.12, 0.9, 0.0), (0.28, 0.1, 0.0), 0.08), ((0.09, 0.06, 0.0), (0.5, 0.06, 0.0), 0.06)]
+"""A leg that ends in a block which is wider than long."""
+
 LOOSE_SHOES = [
     *both((HIP, KNEE, 0.08), (KNEE, (0.18, 0.25, 0.0), 0.06), ((0.12, 0.06, -0.02), (0.18, 0.06, 0.22), 0.06)),
     *(((-0.18, 0.25, 0.0), (-0.15, 0.06, 0.0), 0.06), ((-0.12, 0.06, 0.0), (0.12, 0.06, 0.0), 0.06)),
@@ -314,10 +317,11 @@ CHIBI = [
         ([*BODY, SKULL, *both(*SLEEVE, *LEG)], [TOES, IMAGE * TOES], [(0.95, 1.4, 0.0), (-0.95, 1.4, 0.0)]),
         ([*BODY, SKULL, *both(*ARM), *LOOSE_SHOES], [TOES, IMAGE * TOES], None),
         (CHIBI, None, [(0.5, 0.3, 0.0), (-0.5, 0.3, 0.0)]),
+        ([*BODY, SKULL, *both(*ARM, *WIDE_FOOT)], [(0.28, 0.0, 0.0), (-0.28, 0.0, 0.0)], None),
     ],
     ids=[
         *("hands on the ground", "a gun below the feet", "a stride beside the middle", "slender forearms"),
-        *("forearms beyond wide sleeves", "shoes that touch", "a big head with a hat"),
+        *("forearms beyond wide sleeves", "shoes that touch", "a big head with a hat", "wide feet"),
     ],
 )
 def test_legs_end_at_the_feet_and_arms_at_the_hands(limbs, feet, hands):

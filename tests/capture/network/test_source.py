@@ -81,6 +81,7 @@ def test_other_machines_require_an_allowed_sender_and_others_are_refused(listen)
     assert listen("?from=127.0.0.2").refused(body(1)) == {"another sender": 1}
 
 
+@pytest.mark.usefixtures("given_clock")
 def test_closing_twice_closes_the_port():
     source = open_osc("127.0.0.1:0?units=mm")
     assert (source.name, source.receive()) == ("osc:127.0.0.1:0?units=mm", [])

@@ -99,7 +99,7 @@ def test_limbs_and_handles_are_edited_and_saved_and_changes_by_others_reach_the_
     reply = joined.result("edit", character="blob", puppet=before)
     assert (reply["puppet"], reply["saved"]) == (before, True)
     assert joined.result("save_puppet", character="blob") == {"character": "blob", "name": "", "file": ""}
-    version = joined.state["characters"][0]["version"]
+    version = joined.until(lambda state: state["characters"][0]["saved"])["characters"][0]["version"]
     service.ask("set_scale", token=TOKEN.encode(), character="blob", scale=1.25)
     joined.until(lambda state: state["characters"][0]["version"] != version)
     assert joined.result("puppet", character="blob")["puppet"]["retarget"]["scale"] == 1.25

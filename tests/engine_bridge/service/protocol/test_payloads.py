@@ -57,7 +57,7 @@ def payload_of(kind, payload):
 
 
 def changed(message, changes, cut):
-    content = bytearray(message[: len(message) - cut])
+    content = bytearray(message[: max(len(message) - cut, 1)])
     for place, byte in changes.items():
         content[place % len(content)] = byte
     return bytes(content)

@@ -32,10 +32,9 @@ from .outside import PEERS, PLAYERS, ROOT, LeftOut, found, load_players
 from .outside import missing as missing
 
 # how long an example takes, and how many are made in a second, tells how busy the machine is
-hypothesis.settings.register_profile(
-    "without a clock", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow]
-)
-hypothesis.settings.load_profile("without a clock")
+WITHOUT_CLOCK = hypothesis.settings(deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow])
+hypothesis.settings.register_profile("others each time", WITHOUT_CLOCK)
+hypothesis.settings.register_profile("the same each time", WITHOUT_CLOCK, derandomize=True, database=None)
 
 COMPILING = {
     "limbs": tuple(f"tests/solver/motion/test_{name}.py" for name in ("arms", "feet", "limb_motion", "steps")),
@@ -67,6 +66,8 @@ def pytest_collection_finish(session: pytest.Session) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    # what examples find by luck, `make test-all` finds
+    hypothesis.settings.load_profile("others each time" if config.option.exhaustive else "the same each time")
     config.pluginmanager.register(LeftOut(config))
     if not hasattr(config, "workerinput"):  # those report to the process that started them
         config.pluginmanager.register(Durations(config))

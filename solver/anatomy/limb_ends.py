@@ -40,10 +40,6 @@ parts: two legs carry it above the ground, and lower ones are the fins of a fish
 MIN_RISE_COSINE = np.cos(np.radians(40))
 """Minimum cosine between up and the direction from the foot of a single leg to the body."""
 
-CORNER_SHARE = 0.75
-"""Minimum distance of the end of a foot from the foot's middle, from left to right, in thicknesses of the leg, at which
-it is a corner of a block."""
-
 MIN_FOOT_THICKNESS = 0.3
 """Minimum thickness of a foot, as a share of the thickest one; the hem of a cape is thinner."""
 
@@ -143,7 +139,7 @@ class LimbEnds:
         if self._feet_touch():
             low = self.cells[:, 1] < self.low[1] + TOE_DISTANCE * self.height
             self.skeleton = curve_skeleton(parted(self.solid, self.cells[:, 0] > self.middle, low))
-        self.feet = [tuple(self._amid_foot(tip) for tip in row) for row in self._feet()]
+        self.feet = [self._amid_blocks(row) for row in self._feet()]
         self.four_legged = len(self.feet) > 1
         self.head = self._head()
 
@@ -216,16 +212,19 @@ class LimbEnds:
         fins = self.lies and len(standing) == 1 and self._belly_height(standing[0]) < MIN_BELLY_HEIGHT
         return [] if fins and not given_legs else standing
 
-    def _amid_foot(self, tip: int) -> int:
-        """Return the cell beside the end of a foot that is amid the foot from left to right, if the end is a corner."""
-        away = self.cells - self.cells[tip]
-        reach = self._thicknesses(tip)[1] * self.height
-        beside = (np.abs(away[:, 1:]) < reach).all(axis=1) & (np.abs(away[:, 0]) < 3 * reach)
-        beside &= (self.cells[:, 0] > self.middle) == (self.cells[tip, 0] > self.middle)
-        aside = away[beside, 0].mean()
-        if tip in self.ends.values() or abs(aside) < CORNER_SHARE * reach:
-            return tip
-        return int(np.hypot(away[:, 0] - aside, np.linalg.norm(away[:, 1:], axis=1)).argmin())
+    def _amid_blocks(self, row: Feet) -> Feet:
+        """Return cells amid feet from left to right, if the ends of all of them are corners of blocks."""
+        amid = []
+        for tip in row:
+            away = self.cells - self.cells[tip]
+            reach = self._thicknesses(tip)[1] * self.height
+            beside = (np.abs(away[:, 1:]) < reach).all(axis=1) & (np.abs(away[:, 0]) < 3 * reach)
+            beside &= (self.cells[:, 0] > self.middle) == (self.cells[tip, 0] > self.middle)
+            aside = away[beside, 0].mean()
+            if tip in self.ends.values() or abs(aside) < reach:
+                return row
+            amid.append(int(np.hypot(away[:, 0] - aside, np.linalg.norm(away[:, 1:], axis=1)).argmin()))
+        return tuple(amid)
 
     def _belly_height(self, feet: Feet) -> float:
         """Return the height of the belly above feet, in heights of the body without thin parts."""

@@ -1,4 +1,4 @@
-"""Compiled functions as Python runs them, with all that they call."""
+"""Compiled functions as they were before they were compiled, for Python to run."""
 
 from collections.abc import Callable
 from types import FunctionType, ModuleType

@@ -2,7 +2,8 @@
 
 Numba compiles one function at a time in a process, and a command finds out one after the other which ones it needs.
 Those of a deformation, of pictures and of a performer's motion come late and do not need a character. Both processes
-keep what they have compiled on disk, and neither compiles what the other one is compiling (`puppetline.compiled`).
+keep what they have compiled on disk, and neither compiles what the other one is compiling (`puppetline.compiled`). Until
+a performer's motion is compiled, Python computes it.
 """
 
 import os
@@ -71,10 +72,7 @@ def is_done() -> bool:
 
 
 def compile_ahead() -> None:
-    """Compile what commands need late. Only types of arguments matter, so any figure will do.
-
-    A performer's motion comes last: Python computes it until it is compiled (`puppetline.compiled`).
-    """
+    """Compile what commands need late, motion last. Only types of arguments matter, so any figure will do."""
     _compile_deformation()
     _compile_pictures()
     _compile_motion()
@@ -132,6 +130,7 @@ def _compile_deformation() -> None:
 
 
 def _tetrahedron() -> "tuple[NDArray[np.float64], NDArray[np.int64]]":
+    """Return the corners (4, 3) and the triangles (4, 3) of a tetrahedron."""
     import numpy as np
 
     return np.vstack([np.zeros(3), np.eye(3)]), np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])

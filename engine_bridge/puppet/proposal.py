@@ -42,8 +42,8 @@ MIN_OTHER_PROBABILITY = 0.05
 """Minimum probability of another up or front for which there is a note."""
 
 MAX_OTHER_WAYS, MIN_WAY_PROBABILITY = 5, 0.01
-"""Number of other ups and fronts in which the legs of a shape without legs are looked for, and their minimum
-probability."""
+"""Number of other ups and fronts that are tried for a shape without legs, or without arms on two legs, and their
+minimum probability."""
 
 PLACEHOLDER_HANDLES = ({"name": "any", "position": (0.0, 0.0, 0.0)},)
 """Handles with which the rest of a puppet is checked before its own are known."""
@@ -261,7 +261,8 @@ def limbs_of_shape(
 ) -> tuple[Orientation, Limbs]:
     """Return how a shape stands, and its limbs.
 
-    If it has no legs as it stands, other ways are tried: one in which it is a whole person, then that of a fish.
+    If it has no legs as it stands, or two legs and no arms, other ways are tried in which it is a whole person. One without
+    legs is then tried as a fish.
 
     Parameters
     ----------

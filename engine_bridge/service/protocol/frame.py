@@ -53,8 +53,10 @@ class Frame:
     user : int or None
         The performer.
     pose : Pose
+        Without the root's translation but in its `controls`.
     seen : SkeletonFrame or None
-        The performer, filtered and corrected for the sensor's tilt; None without one.
+        The performer's joints, filtered and corrected for the sensor's tilt, in metres, sensor coordinates; None without
+        a performer.
     """
 
     character: StreamedCharacter

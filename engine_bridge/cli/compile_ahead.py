@@ -2,8 +2,8 @@
 
 Numba compiles one function at a time in a process, and a command finds out one after the other which ones it needs.
 Those of a deformation, of pictures and of a performer's motion come late and do not need a character. Both processes
-keep what they have compiled on disk, and neither compiles what the other one is compiling (`puppetline.compiled`). Until
-a performer's motion is compiled, Python computes it.
+keep what they have compiled on disk, and neither compiles what the other one is compiling (`puppetline.compiled`).
+Until a performer's motion is compiled, Python computes it.
 """
 
 import os

@@ -261,8 +261,8 @@ def limbs_of_shape(
 ) -> tuple[Orientation, Limbs]:
     """Return how a shape stands, and its limbs.
 
-    If it has no legs as it stands, or two legs and no arms, other ways are tried in which it is a whole person. One without
-    legs is then tried as a fish.
+    If it has no legs as it stands, or two legs and no arms, other ways are tried in which it is a whole person. One
+    without legs is then tried as a fish.
 
     Parameters
     ----------

@@ -55,8 +55,8 @@ class Frame:
     pose : Pose
         Without the root's translation but in its `controls`.
     seen : SkeletonFrame or None
-        The performer's joints, filtered and corrected for the sensor's tilt, in metres, sensor coordinates; None without
-        a performer.
+        The performer's joints, filtered and corrected for the sensor's tilt, in metres, sensor coordinates; None
+        without one.
     """
 
     character: StreamedCharacter

@@ -172,6 +172,8 @@ class DepthCamera(ABC):
         self._up: NDArray[np.float64] | None = None
         self._loop = selection.loop
         self._waiting: dict[Kind, tuple[float, Any]] = {}  # newest time and pixels
+        self._seen: dict[Kind, tuple[float, float]] = {}  # times of the first and the newest frame
+        self._passes = dict.fromkeys(self._kinds, 0)  # how often a recording has begun again since the last image
         self._alone = 0  # frames since the last image
         self._last = -math.inf  # time of the last image
         self._passed = 0.0  # seconds of earlier passes of a loop
@@ -224,6 +226,10 @@ class DepthCamera(ABC):
 
     def _add(self, kind: Kind, moment: float, pixels: NDArray[Any] | Callable[[], NDArray[np.float32]]) -> None:
         """Add depth in metres (`Picture.measured`), or colours, at a time on the sensor's clock, in seconds."""
+        first, newest = self._seen.get(kind, (moment, moment))
+        if self._recorded and moment <= first < newest:
+            self._passes[kind] += 1
+        self._seen[kind] = first, moment
         self._waiting[kind] = moment, pixels
         self._alone += 1
 
@@ -233,9 +239,10 @@ class DepthCamera(ABC):
             self._check_alone()
             return None
         times = {kind: moment for kind, (moment, _) in self._waiting.items()}
-        earliest = min(times, key=times.__getitem__)
-        skew = max(times.values()) - times[earliest]
-        if MAX_SKEW_SECONDS < skew < MIN_CLOCK_OFFSET_SECONDS:
+        earliest = min(times, key=lambda kind: (self._passes[kind], times[kind]))
+        skew = max(times.values()) - min(times.values())
+        are_of_two_passes = len({self._passes[kind] for kind in times}) > 1
+        if are_of_two_passes or MAX_SKEW_SECONDS < skew < MIN_CLOCK_OFFSET_SECONDS:
             del self._waiting[earliest]
             self._check_alone()
             return None
@@ -248,6 +255,7 @@ class DepthCamera(ABC):
                 raise self._ended()
             self._passed = self._last + _LOOP_STEP_SECONDS - moment
         self._last, self._alone = moment + self._passed, 0
+        self._passes = dict.fromkeys(self._kinds, 0)
         depth, color = (self._waiting.pop(kind, (0.0, None))[1] for kind in ("depth", "color"))
         return Picture(self._last, self._lens, color, depth, self._up)
 

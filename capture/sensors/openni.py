@@ -209,8 +209,10 @@ class OpenNIDevice(DepthCamera):
     def _receive(self, timeout: float) -> bool:
         if self._left and not any(self._left.values()):
             raise self._ended()
+        # OpenNI2 hands out the earliest frame: where a recording begins again, its first depth before its last colours
+        streams = [stream for kind, stream in self._streams.items() if not (self._recorded and kind in self._waiting)]
         with self._errors():
-            ready = self._oni.wait_for_any_stream(list(self._streams.values()), timeout)
+            ready = self._oni.wait_for_any_stream(streams, timeout)
             if ready is not None:
                 [kind] = [kind for kind, stream in self._streams.items() if stream is ready]
                 self._read_frame(kind, ready)

@@ -157,6 +157,22 @@ def test_damaged_images_are_skipped_and_the_recording_still_ends(recording, open
     assert [round(10 * picture.time) for picture in given] == [0, 1, 2, 4, 5, 6, 7, 8]
 
 
+def test_no_image_is_lost_where_a_recording_begins_again(recording, opened):
+    """OpenNI2 hands out the earliest frame: here, the first depth of the next pass before the last colours."""
+    path, pictures = recording
+    device = opened("file", str(path), loop=True)
+    for _ in pictures[:-1]:
+        read(device)
+    while "depth" not in device._waiting:
+        device._receive(0.5)
+    for _ in range(3):  # each makes OpenNI2 play a frame
+        device._oni.wait_for_any_stream([device._streams["depth"]], 0.05)
+    for depth, color in (pictures[-1], *pictures):
+        picture = read(device)
+        np.testing.assert_array_equal(picture.color, color)
+        np.testing.assert_allclose(picture.depth, depth, rtol=2e-7)
+
+
 def test_a_recording_can_be_closed_anywhere_many_times(recording):
     """The library crashes if a recording that does not repeat is closed at its end."""
     path, pictures = recording

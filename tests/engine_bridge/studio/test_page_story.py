@@ -206,8 +206,9 @@ def test_the_performer_is_heard_when_the_motion_says(studio, film):
     heard = np.abs(np.concatenate([block.to_ndarray() for block in blocks], axis=1)[0])
     loud = np.flatnonzero(heard > LEAST_SOUND) / blocks[0].sample_rate
     onsets = loud[np.insert(np.diff(loud) > 0.1, 0, True)]
-    words = np.sort(np.concatenate([spoken(studio.folder, table) for table in takes_of(studio)]))
-    clear = words[np.insert(np.diff(words) > SPOKEN_SECONDS + 0.1, 0, True)]  # not while the other is heard
+    words, whole = np.concatenate([spoken(studio.folder, table) for table in takes_of(studio)], axis=1)
+    words, whole = words[words.argsort()], whole[words.argsort()] > 0
+    clear = words[np.insert(np.diff(words) > SPOKEN_SECONDS + 0.1, 0, True) & whole]  # not while the other is heard
     begun = max(table.get("at", 0.0) for table in takes_of(studio)) + SPOKEN_SECONDS + 0.1  # a take can begin in a word
     assert (clear > begun).sum() >= 2
     for some, all_of_them in ((clear, onsets), (onsets, words)):
@@ -219,7 +220,10 @@ def takes_of(studio):
 
 
 def spoken(folder, table):
-    """Return the seconds of the film at which the performer of a take begins to speak, by what the performer does."""
+    """Return the seconds of the film at which the performer of a take begins to speak, by what the performer does.
+
+    Below them is 1, or 0 for a word that begins with the last frame: that may be heard, or not any more.
+    """
     clip = PERFORMANCES["rear"]().positions
     seen = [each for each in puppetline_log.events(folder / table["file"]) if isinstance(each, SkeletonFrame)]
     times = np.array([each.time for each in seen]) - seen[0].time
@@ -228,5 +232,6 @@ def spoken(folder, table):
     late = np.mean(times - (numbers + 0.5) / FPS)
     first, last = round(FPS * table.get("start", 0.0)) / FPS, min(table.get("stop", 1000.0), times[-1])
     begins = np.array([k for k in range(numbers[0], numbers[-1]) if k % len(clip) % SPOKEN_FRAMES == 0]) / FPS + late
-    ended = last - BLOCK_SECONDS - 1 / FPS  # a word that begins with the last frame may not be heard any more
-    return begins[(begins > first) & (begins < ended)] - first + round(FPS * table.get("at", 0.0)) / FPS
+    begins = begins[(begins > first) & (begins < last)]
+    whole = begins < last - BLOCK_SECONDS - 1 / FPS
+    return np.array([begins - first + round(FPS * table.get("at", 0.0)) / FPS, whole])

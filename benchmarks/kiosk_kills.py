@@ -3,8 +3,9 @@
 python -m benchmarks.kiosk_kills PUPPET [--kills 50] [--json FILE]
 
 The service plays a recording of a visitor who records again and again, and Chromium shows the screen. The killed
-processes are the service, its page, the process that makes a film, and Chromium. The script starts the service and
-Chromium again, as systemd does (packaging/systemd); the service starts the rest.
+processes are the service, its page, the process that makes a film, Chromium, and all of them at once, as in a container
+whose power fails. The script starts the service and Chromium again, as systemd does (packaging/systemd); the service
+starts the rest.
 
 - The time is that from the kill to the first frame of the character that the screen draws after it has connected again.
 - A clip is lost if there is a take with frames, but in the end no film.
@@ -22,6 +23,8 @@ import tempfile
 import time
 from collections import defaultdict
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
+from functools import partial
 from itertools import cycle, islice
 from pathlib import Path
 from typing import Any
@@ -34,7 +37,7 @@ from benchmarks.live_peers import free_tcp_ports
 from benchmarks.visitor import write_visitor
 from engine_bridge.service.kiosk.clip import FOLDER
 
-KINDS = ("service", "page", "film", "screen")
+KINDS = ("service", "page", "film", "screen", "all")
 """What is killed in turn."""
 
 RESTART_SECONDS = 0.2
@@ -101,15 +104,15 @@ class Kiosk:
         quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
         self.screen = subprocess.Popen(command, **quiet)
 
-    def find(self, kind: str) -> psutil.Process | None:
-        """Return a process of a kind; None if there is none now."""
-        if kind == "screen":
-            return psutil.Process(self.screen.pid)
-        service = psutil.Process(self.service.pid)
-        if kind == "service":
-            return service
+    def find(self, kind: str) -> list[psutil.Process]:
+        """Return the processes of a kind that there are now."""
+        service, screen = psutil.Process(self.service.pid), psutil.Process(self.screen.pid)
+        if kind == "all":
+            return [each for one in (service, screen) for each in (one, *one.children(recursive=True))]
+        if kind in ("service", "screen"):
+            return [service if kind == "service" else screen]
         word = {"page": "studio", "film": "film"}[kind]
-        return next((each for each in service.children() if word in each.cmdline()), None)
+        return [each for each in service.children() if word in each.cmdline()][:1]
 
     async def shown(self, http: aiohttp.ClientSession) -> list[int] | None:
         """Return the numbers of the frames that the screen shows; None while it shows none."""
@@ -133,6 +136,10 @@ class Kiosk:
     def films(self) -> set[str]:
         """Return the codes of the films that there are."""
         return {path.stem for path in self.visitors.glob("*.mp4") if not path.name.startswith(".")}
+
+    async def has_one_of(self, codes: set[str]) -> bool:
+        """Return whether one of some films is there."""
+        return bool(codes & self.films())
 
     def _screen_address(self) -> str:
         while not (found := re.search(r"http://\S+/kiosk#key=\S+", (self.folder / "output").read_text())):
@@ -163,21 +170,23 @@ async def until(condition: Callable[[], Awaitable[Any]], seconds: float = GIVE_U
 async def kill(kiosk: Kiosk, kind: str, http: aiohttp.ClientSession) -> tuple[float | None, int]:
     """Kill a process; return the seconds until the screen moves again, and the number of orphans."""
 
-    async def found() -> psutil.Process | None:
-        return kiosk.find(kind)
+    async def found() -> bool:
+        return bool(kiosk.find(kind))
 
     if not await until(found):
         raise SystemExit(f"there was no process to kill: {kind}")
-    process = kiosk.find(kind)
-    assert process is not None
-    children, before = process.children(recursive=True), await kiosk.shown(http)
-    process.kill()
+    before = await kiosk.shown(http)
+    killed_ones = kiosk.find(kind)
+    children = [child for each in killed_ones for child in each.children(recursive=True)]
+    for each in killed_ones:
+        with suppress(psutil.NoSuchProcess):  # a child ends with its parent
+            each.kill()
     killed = time.monotonic()
-    if kind == "service":
+    if kind in ("service", "all"):
         kiosk.service.wait()
         await asyncio.sleep(RESTART_SECONDS)
         kiosk.start_service()
-    elif kind == "screen":
+    if kind in ("screen", "all"):
         kiosk.screen.wait()
         kiosk.start_screen()
 
@@ -211,14 +220,8 @@ async def measure(kiosk: Kiosk, kills: int) -> dict[str, Any]:
             seconds[kind].append(stood)
             print(f"{number:3d} {kind:8s} {'dead' if stood is None else f'{stood:.1f} s'}, {left} orphans", flush=True)
 
-        while waiting := recorded - kiosk.films():
-
-            async def fewer(than: int = len(waiting)) -> bool:
-                return len(recorded - kiosk.films()) < than
-
-            if not await until(fewer, FILM_SECONDS):
-                break
-    lost = recorded - kiosk.films()
+        while (lost := recorded - kiosk.films()) and await until(partial(kiosk.has_one_of, lost), FILM_SECONDS):
+            pass
     return {"seconds": dict(seconds), "clips": len(recorded), "lost": sorted(lost), "orphans": orphans}
 
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from benchmarks.animals import ANIMALS, soles_of
 from capture import body
 from capture.skeleton import JOINT_INDEX, JOINTS, SkeletonFrame
-from engine_bridge.character.character import Character, from_document
+from engine_bridge.character.character import CharacterMesh, from_document
 from engine_bridge.performance.character_motion import CharacterMotion
 from engine_bridge.performance.prepared_character import PreparedCharacter, make_prepared
 from engine_bridge.puppet.body_plans import is_leg
@@ -129,7 +129,7 @@ def leg_length(prepared: PreparedCharacter) -> float:
     return float(np.mean([(np.array(leg[0]) - np.array(leg[-1])) @ prepared.puppet.character.basis[1] for leg in legs]))
 
 
-def posed(character: Character, animation: dict, time: float) -> Character:
+def posed(character: CharacterMesh, animation: dict, time: float) -> CharacterMesh:
     """Return a character in the pose of an animation at a time."""
     document = character.document.copy()
     for channel in animation["channels"]:

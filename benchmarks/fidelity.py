@@ -33,7 +33,7 @@ from scipy.spatial.transform import Rotation
 from capture import body
 from capture.skeleton import JOINT_INDEX, to_character_axes
 from capture.timeline import Timeline
-from engine_bridge.character.character import Character, load_character, make_character
+from engine_bridge.character.character import CharacterMesh, load_character, make_character
 from engine_bridge.performance.character_motion import CharacterMotion
 from engine_bridge.performance.clip import load_timeline, perform, resting_pose
 from engine_bridge.performance.prepared_character import PreparedCharacter, load_prepared
@@ -107,7 +107,7 @@ class Truth:
     soles: dict[str, NDArray[np.int64]]
 
 
-def read_rig(character: Character) -> Truth:
+def read_rig(character: CharacterMesh) -> Truth:
     """Assign a skeleton's joints, and the vertices that follow them, to bones."""
     prepared = rig_limbs(character)
     found = None if prepared is None else prepared.limbs

@@ -42,7 +42,7 @@ from puppetline.examples.characters import biped, human
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.transform import Rotation
 
-from engine_bridge.character.character import Character, load_character, make_character
+from engine_bridge.character.character import CharacterMesh, load_character, make_character
 from engine_bridge.puppet.proposal import axes_of, limbs_of_shape
 from engine_bridge.puppet.puppet import Direction
 from engine_bridge.puppet.rig_bones import rig_bones
@@ -112,7 +112,7 @@ def random_motions(names: list[tuple[str, int]], bones: Bones, rng: np.random.Ge
     return moved
 
 
-def posed(character: Character, count: int) -> Iterator[tuple[SolverMesh, Truth]]:
+def posed(character: CharacterMesh, count: int) -> Iterator[tuple[SolverMesh, Truth]]:
     """Yield the mesh and the joints of a character in random poses, which are the same every time."""
     rig, mesh, rng = rig_limbs(character), character.solver_mesh(), np.random.default_rng(1)
     assert rig is not None
@@ -217,10 +217,10 @@ class Answer:
     probability: float
 
 
-Finder = Callable[[Character], Answer]
+Finder = Callable[[CharacterMesh], Answer]
 
 
-def find(character: Character) -> Answer:
+def find(character: CharacterMesh) -> Answer:
     """Return the answer of `puppetline new`."""
     rig = rig_limbs(character)
     axes = axes_of(rig)
@@ -232,7 +232,7 @@ def find(character: Character) -> Answer:
     return Answer(limbs, stands.up, stands.front, stands.confidence)
 
 
-def unnamed(character: Character) -> Character:
+def unnamed(character: CharacterMesh) -> CharacterMesh:
     """Return a character whose nodes have no names."""
     document = character.document.copy()
     for node in document.gltf["nodes"]:
@@ -241,12 +241,12 @@ def unnamed(character: Character) -> Character:
     return replace(character, document=document)
 
 
-def bare(character: Character) -> Character:
+def bare(character: CharacterMesh) -> CharacterMesh:
     """Return the surface of a character, without its skin."""
     return make_character("bare", character.vertices, character.triangles)
 
 
-VIEWS: dict[str, Callable[[Character], Character]] = {
+VIEWS: dict[str, Callable[[CharacterMesh], CharacterMesh]] = {
     "file": lambda character: character,
     "unnamed": unnamed,
     "shape": bare,
@@ -273,7 +273,7 @@ class Score:
         self.right += other.right
 
 
-def score(body: dict[str, Any], character: Character, answer: Answer | None) -> Score:
+def score(body: dict[str, Any], character: CharacterMesh, answer: Answer | None) -> Score:
     """Compare an answer, or that no limbs were found, with a row of the list."""
     size = MAX_AWAY_SHARE * float(np.ptp(character.vertices, axis=0).max())
     chains = answer.limbs.chains if answer else ()
@@ -305,7 +305,7 @@ def folds(makers: Iterable[str]) -> dict[str, int]:
     return found
 
 
-def bodies(folder: Path, only: Iterable[str] = ()) -> Iterator[tuple[dict[str, Any], Character]]:
+def bodies(folder: Path, only: Iterable[str] = ()) -> Iterator[tuple[dict[str, Any], CharacterMesh]]:
     """Yield the rows of the list whose files are in a folder, with their characters."""
     for line in BODIES.read_text(encoding="utf-8").splitlines():
         body = json.loads(line)

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.character.character import Character, load_character, make_character
+from engine_bridge.character.character import CharacterMesh, load_character, make_character
 from engine_bridge.performance.exercise import random_poses
 from engine_bridge.performance.prepared_character import PreparedCharacter, make_prepared
 from engine_bridge.puppet.proposal import new_puppet
@@ -143,7 +143,7 @@ def surface(prepared: PreparedCharacter, controls: NDArray[np.float32]) -> Float
     )
 
 
-def bone_heat(character: Character, puppet: Puppet) -> tuple[Floats, float]:
+def bone_heat(character: CharacterMesh, puppet: Puppet) -> tuple[Floats, float]:
     """Return Blender's weights (N, b), whose rows sum to 1 or 0, and the share of vertices without weights."""
     mesh, bones = weld(character.vertices, character.triangles, "mesh"), bones_of(puppet.limbs)
     with tempfile.TemporaryDirectory() as folder:

@@ -25,7 +25,7 @@ from benchmarks.character_cost_process import WARM_UP
 from benchmarks.documents import DOCUMENT, IMAGES, replaced
 from benchmarks.own_cache import own_cache
 from benchmarks.processes import MODULE
-from engine_bridge.character.character import Character, load_character, make_character
+from engine_bridge.character.character import CharacterMesh, load_character, make_character
 from engine_bridge.inspection.benchmark import CHARACTER, LOG, number
 from engine_bridge.puppet import puppet_file
 
@@ -119,7 +119,7 @@ def _resized(subject: Path, sizes: Sequence[int]) -> Iterator[tuple[int, NDArray
         yield size, *_with_vertices(size, vertices, faces)
 
 
-def _surface(character: Character) -> Surface:
+def _surface(character: CharacterMesh) -> Surface:
     mesh = character.solver_mesh()
     return mesh.vertices, mesh.faces
 

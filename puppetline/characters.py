@@ -44,7 +44,7 @@ class Character:
     """
 
     def __init__(self, prepared: PreparedCharacter, notes: tuple[str, ...] = ()) -> None:
-        self._rig, self._drawn = prepared, StreamedCharacter("character", prepared, 0)
+        self._prepared, self._drawn = prepared, StreamedCharacter("character", prepared, 0)
         self.puppet, self.mesh, self.notes = prepared.puppet, Path(prepared.character.document.name), notes
 
     @property
@@ -60,12 +60,12 @@ class Character:
     @property
     def rest_vertices(self) -> NDArray[np.float64]:
         """(n, 3): vertices at rest, mesh file's coordinates."""
-        return self._rig.character.vertices
+        return self._prepared.character.vertices
 
     @property
     def triangles(self) -> NDArray[Any]:
         """(k, 3) integers: rows of the vertices."""
-        return self._rig.character.triangles
+        return self._prepared.character.triangles
 
     def motion(self, rest: "NDArray[np.float64] | Recording", *, mirror: bool | None = None) -> CharacterMotion:
         """Begin to follow a performer.
@@ -88,7 +88,7 @@ class Character:
             if mirror is None and isinstance(timeline, TakeTimeline):
                 mirror = timeline.mirror
             rest = reference_pose(self.puppet, timeline, Settings())
-        return CharacterMotion(self._rig, np.asarray(rest, np.float64), mirror=mirror)
+        return CharacterMotion(self._prepared, np.asarray(rest, np.float64), mirror=mirror)
 
     def vertices(self, pose: Pose) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return the vertices and normals of a pose.
@@ -143,7 +143,7 @@ class Character:
         if path.suffix.lower() in FILMS:
             return self._film(take, path, chosen)
         timeline, notes = timeline_of(take.clips, take.path, chosen)
-        return convert_timeline(self._rig, timeline, path, take.path.stem, chosen, notes)[1]
+        return convert_timeline(self._prepared, timeline, path, take.path.stem, chosen, notes)[1]
 
     def show(self, recording: "Recording | str | PathLike[str]") -> Player:
         """Return the character as a recording moves it, to look at in a notebook or in a web page."""

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.character.character import TRIANGLES, Character, Part, from_document
+from engine_bridge.character.character import TRIANGLES, CharacterMesh, Part, from_document
 from engine_bridge.character.document import ELEMENT_ARRAY_BUFFER, Document
 from engine_bridge.character.scene import own_mesh, show_all, tree, world_transforms
 from engine_bridge.character.schema import Node, Primitive, copied
@@ -14,7 +14,7 @@ from puppetline.errors import PuppetError
 from solver.anatomy.bodies import find_bodies
 
 
-def bodies_of(character: Character) -> NDArray[np.int64]:
+def bodies_of(character: CharacterMesh) -> NDArray[np.int64]:
     """Return the number (N,) of the body of each vertex, from 1, or `solver.anatomy.bodies.STILL`."""
     mesh = character.solver_mesh()
     together = np.full(len(mesh.vertices), -1)
@@ -23,7 +23,7 @@ def bodies_of(character: Character) -> NDArray[np.int64]:
     return find_bodies(mesh, together)[mesh.of_render]
 
 
-def _skeleton(character: Character, part: Part) -> int:
+def _skeleton(character: CharacterMesh, part: Part) -> int:
     """Return the top joint of the skeleton that moves a part; −1 for none."""
     gltf = character.document.gltf
     if "skin" not in gltf["nodes"][part.node]:
@@ -36,14 +36,14 @@ def _skeleton(character: Character, part: Part) -> int:
     return top
 
 
-def with_body(character: Character, bodies: NDArray[np.int64], number: int, where: str) -> Character:
+def with_body(character: CharacterMesh, bodies: NDArray[np.int64], number: int, where: str) -> CharacterMesh:
     """Return a character of which one body moves.
 
     Everything else that the file shows is in nodes of its own, at the top of the scene.
 
     Parameters
     ----------
-    character : Character
+    character : CharacterMesh
     bodies : (N,) int64
         From `bodies_of`.
     number : int
@@ -66,7 +66,7 @@ def with_body(character: Character, bodies: NDArray[np.int64], number: int, wher
     return character if (bodies == number).all() else _split(character, bodies == number)
 
 
-def _split(character: Character, moves: NDArray[np.bool_]) -> Character:
+def _split(character: CharacterMesh, moves: NDArray[np.bool_]) -> CharacterMesh:
     """Return a character of which some vertices (N,) move; the corners of a triangle do together."""
     document = character.document.copy()
     document.notes += character.document.notes

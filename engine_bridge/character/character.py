@@ -59,7 +59,7 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Character:
+class CharacterMesh:
     """A character with the surfaces to be animated.
 
     Attributes
@@ -94,7 +94,7 @@ class Character:
         return [slice(start, end) for start, end in pairwise([0, *ends])]
 
     @property
-    def whole(self) -> "Character":
+    def whole(self) -> "CharacterMesh":
         """The character with the surfaces that do not move."""
         return replace(self, parts=[*self.parts, *self.still], still=())
 
@@ -116,7 +116,7 @@ class Character:
         return weld(self.vertices, self.triangles, self.document.name)
 
 
-def load_character(path: Path, cache: Path | None = None) -> Character:
+def load_character(path: Path, cache: Path | None = None) -> CharacterMesh:
     """Read a character from a glTF or surface file, whose format is recognised by content and then by ending.
 
     Parameters
@@ -140,7 +140,7 @@ def load_character(path: Path, cache: Path | None = None) -> Character:
 
 def make_character(
     title: str, vertices: NDArray[np.float64], triangles: NDArray[np.int64], colors: NDArray[np.floating] | None = None
-) -> Character:
+) -> CharacterMesh:
     """Create a character of one surface.
 
     Parameters
@@ -163,7 +163,7 @@ def make_character(
 
 
 @np.errstate(over="ignore", invalid="ignore")  # positions that are not finite are refused
-def from_document(document: Document) -> Character:
+def from_document(document: Document) -> CharacterMesh:
     """Find the surfaces in a document's scene; mend its skins, see `mend_skins`.
 
     Raises
@@ -182,7 +182,7 @@ def from_document(document: Document) -> Character:
             expected="a character with triangles",
             fix="Export the mesh, not only cameras, lights, lines or points.",
         )
-    return Character(document, parts)
+    return CharacterMesh(document, parts)
 
 
 def _check_size(document: Document) -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from puppetline.examples import film
 from puppetline.examples.characters import CHARACTERS
-from puppetline.examples.characters.character import Character
+from puppetline.examples.characters.character import ColoredSurface
 
 from capture.recording import Recorder
 from capture.sources.demo import performances
@@ -27,9 +27,9 @@ MOTIONS: dict[str, str] = {"dinosaur": "roar", "pegasus": "rear", "biped": "walk
 Progress = Callable[[str, float], None]
 
 
-def example_character(name: str) -> Character:
+def example_character(name: str) -> ColoredSurface:
     """Make one of the characters in `MOTIONS`."""
-    made: Character = CHARACTERS[name]()
+    made: ColoredSurface = CHARACTERS[name]()
     return made
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from engine_bridge.character import schema
-from engine_bridge.character.character import Character
+from engine_bridge.character.character import CharacterMesh
 from engine_bridge.character.document import Document
 from engine_bridge.character.surfaces.surface import srgb_to_linear
 
@@ -78,7 +78,7 @@ class Appearance:
         return colors
 
 
-def materials_of(character: Character) -> list[Appearance]:
+def materials_of(character: CharacterMesh) -> list[Appearance]:
     """Return the appearance of each part of a character; parts with one texture share its array.
 
     Raises
@@ -118,7 +118,7 @@ def materials_of(character: Character) -> list[Appearance]:
     return made
 
 
-def preview_colors(character: Character) -> NDArray[np.float64] | None:
+def preview_colors(character: CharacterMesh) -> NDArray[np.float64] | None:
     """Return the colours (N, 3) of all vertices for previews, linear RGB; None if no part has colours or a material.
 
     Raises
@@ -134,7 +134,7 @@ def preview_colors(character: Character) -> NDArray[np.float64] | None:
     return np.concatenate([each.at_vertices if own else np.full((len(each.uv), 3), 0.6) for each, own in materials])
 
 
-def drawn_normals(character: Character) -> NDArray[np.float64]:
+def drawn_normals(character: CharacterMesh) -> NDArray[np.float64]:
     """Return unit normals (n, 3): the file's, or smooth ones for parts without normals; zero without a direction.
 
     Subnormal float32 numbers become zero, because graphics cards treat them as zero and would choose other tangents

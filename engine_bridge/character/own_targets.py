@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.character.character import Character, rest_weights
+from engine_bridge.character.character import CharacterMesh, rest_weights
 from engine_bridge.character.schema import Mesh, Primitive
 
 
@@ -17,14 +17,14 @@ def target_names(mesh: Mesh) -> list[str]:
     return [str(name) for name in named][:count] if isinstance(named, list) else []
 
 
-def names_of(character: Character) -> list[str]:
+def names_of(character: CharacterMesh) -> list[str]:
     """Return the names of a character's morph targets, without duplicates."""
     gltf = character.document.gltf
     meshes = [gltf["meshes"][gltf["nodes"][part.node]["mesh"]] for part in character.parts]
     return list(dict.fromkeys(name for mesh in meshes for name in target_names(mesh)))
 
 
-def displacements(character: Character, target: str) -> NDArray[np.float32]:
+def displacements(character: CharacterMesh, target: str) -> NDArray[np.float32]:
     """Return the displacement (N, 3) of each vertex from rest to a weight of 1 of a target, world coordinates.
 
     Raises

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.character.character import Character, Part, rest_weights
+from engine_bridge.character.character import CharacterMesh, Part, rest_weights
 from engine_bridge.character.document import ARRAY_BUFFER, Document
 from engine_bridge.character.gltf_file import damaged
 from engine_bridge.character.own_targets import weights_over_time
@@ -62,7 +62,7 @@ Its argument is the number of the part.
 """
 
 
-def animate(character: Character, keyframes: Keyframes, displacements: Displacements) -> Document:
+def animate(character: CharacterMesh, keyframes: Keyframes, displacements: Displacements) -> Document:
     """Add an animation of morph targets to a copy of a character's document.
 
     Each node that shows a part of the character gets morph targets and an animation of their weights. The root's motion
@@ -71,7 +71,7 @@ def animate(character: Character, keyframes: Keyframes, displacements: Displacem
 
     Parameters
     ----------
-    character : Character
+    character : CharacterMesh
     keyframes : Keyframes
     displacements : callable
         Called for one part at a time, to save memory.
@@ -210,7 +210,7 @@ def add_channel(
     animation["channels"].append({"sampler": len(animation["samplers"]) - 1, "target": {"node": node, "path": path}})
 
 
-def hold_targets(document: Document, keyframes: Keyframes, character: Character) -> None:
+def hold_targets(document: Document, keyframes: Keyframes, character: CharacterMesh) -> None:
     """Add channels for the weights of a character's own morph targets: those that are moved, and the others at rest.
 
     Godot ignores the rest weights of a mesh, but not those of an animation.
@@ -220,7 +220,7 @@ def hold_targets(document: Document, keyframes: Keyframes, character: Character)
     document : Document
         Without animations, there is nothing to add to.
     keyframes : Keyframes
-    character : Character
+    character : CharacterMesh
     """
     gltf = document.gltf
     for node in dict.fromkeys(part.node for part in character.parts) if gltf["animations"] else ():

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from engine_bridge.character import schema
 from engine_bridge.character.assembly import MAX_UINT16_INDEX
-from engine_bridge.character.character import Character, Part
+from engine_bridge.character.character import CharacterMesh, Part
 from engine_bridge.character.document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
 from engine_bridge.character.schema import Mesh, Primitive, copied
 from engine_bridge.character.shading import unit
@@ -25,7 +25,7 @@ APPEARANCE_KEYS = ("asset", "materials", "textures", "samplers", "images")
 """Keys of a document's description that are copied."""
 
 
-def flatten(character: Character, normals: NDArray[np.floating], sets: Sequence[NDArray[np.float32]]) -> Document:
+def flatten(character: CharacterMesh, normals: NDArray[np.floating], sets: Sequence[NDArray[np.float32]]) -> Document:
     """Return a document of a character at rest.
 
     Each node that shows a surface becomes a node without a transform. Each part becomes a primitive with its vertices,
@@ -33,7 +33,7 @@ def flatten(character: Character, normals: NDArray[np.floating], sets: Sequence[
 
     Parameters
     ----------
-    character : Character
+    character : CharacterMesh
     normals : (N, 3) float
         Unit normals of all parts, one after another; zero for vertices without a direction.
     sets : sequence of (N, 2) float32
@@ -99,7 +99,7 @@ def _values(json: Any, name: str) -> Iterable[Any]:
             waiting.extend(value)
 
 
-def _new_mesh(document: Document, character: Character, part: Part) -> Mesh:
+def _new_mesh(document: Document, character: CharacterMesh, part: Part) -> Mesh:
     """Add a node and an empty mesh, with the names of a part's node and mesh; return the mesh."""
     node = character.document.gltf["nodes"][part.node]
     shown = character.document.gltf["meshes"][node["mesh"]]
@@ -115,7 +115,7 @@ def _new_mesh(document: Document, character: Character, part: Part) -> Mesh:
 
 def _primitive(
     document: Document,
-    character: Character,
+    character: CharacterMesh,
     part: Part,
     normals: NDArray[np.floating],
     sets: Sequence[NDArray[np.float32]],

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.character.character import Character
+from engine_bridge.character.character import CharacterMesh
 from engine_bridge.export.animation import Displacements
 from engine_bridge.export.normals import FRAMES_PER_CHUNK, TurningNormals
 from engine_bridge.performance.frame_store import Frames
@@ -26,7 +26,7 @@ JSON_BYTES_PER_ARRAY = 300
 """Estimated size of the JSON for an array, in bytes."""
 
 
-def check_size(output: Path, character: Character, frames: int, fps: float) -> None:
+def check_size(output: Path, character: CharacterMesh, frames: int, fps: float) -> None:
     """Refuse a vertex cache that is too large for players.
 
     Raises
@@ -52,12 +52,12 @@ def check_size(output: Path, character: Character, frames: int, fps: float) -> N
     )
 
 
-def displacements(character: Character, mesh: SolverMesh, model: ReducedModel, frames: Frames) -> Displacements:
+def displacements(character: CharacterMesh, mesh: SolverMesh, model: ReducedModel, frames: Frames) -> Displacements:
     """Return the displacements (F, n, 3) of positions and normals for each part, world coordinates.
 
     Parameters
     ----------
-    character : Character
+    character : CharacterMesh
     mesh : SolverMesh
     model : ReducedModel
     frames : (F, 4m, 3) float32

@@ -17,7 +17,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from engine_bridge.character.character import Character
+from engine_bridge.character.character import CharacterMesh
 from engine_bridge.export.animation import Displacements
 from engine_bridge.export.normals import FRAMES_PER_CHUNK, TurningNormals
 from engine_bridge.export.unit_weights import UnitWeights
@@ -251,13 +251,13 @@ def _signed_size(coordinates: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def displacements(
-    character: Character, mesh: SolverMesh, model: ReducedModel, frames: Frames, basis: MorphBasis
+    character: CharacterMesh, mesh: SolverMesh, model: ReducedModel, frames: Frames, basis: MorphBasis
 ) -> Displacements:
     """Return the displacements (K, n, 3) of positions and normals for each part, world coordinates.
 
     Parameters
     ----------
-    character : Character
+    character : CharacterMesh
     mesh : SolverMesh
     model : ReducedModel
     frames : (F, 4m, 3) float32

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.character.character import Character
+from engine_bridge.character.character import CharacterMesh
 from puppetline.compiled import compiled
 from solver.model.batch import BatchBinding
 from solver.model.reduced_model import ReducedModel
@@ -20,12 +20,12 @@ class TurningNormals:
 
     Parameters
     ----------
-    character : Character
+    character : CharacterMesh
     mesh : SolverMesh
     model : ReducedModel
     """
 
-    def __init__(self, character: Character, mesh: SolverMesh, model: ReducedModel) -> None:
+    def __init__(self, character: CharacterMesh, mesh: SolverMesh, model: ReducedModel) -> None:
         none = [np.zeros_like(part.vertices) if part.normals is None else part.normals for part in character.parts]
         self._normals = np.concatenate(none).astype(np.float32)
         self._follows = mesh.of_render

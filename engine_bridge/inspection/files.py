@@ -9,7 +9,7 @@ from capture.formats import FORMATS, read_log, recognize, table
 from capture.formats.kinds import refusal
 from capture.formats.options import ReadOptions
 from capture.skeleton import LOST, TRACKED
-from engine_bridge.character.character import CHARACTER_FILES, Character, load_character, rest_weights
+from engine_bridge.character.character import CHARACTER_FILES, CharacterMesh, load_character, rest_weights
 from engine_bridge.character.gltf_file import MAGIC
 from engine_bridge.character.surface_document import SURFACE_FILES
 from engine_bridge.puppet import puppet_file
@@ -170,7 +170,7 @@ def _character(path: Path) -> dict[str, Any]:
     }
 
 
-def _animation(character: Character, index: int) -> dict[str, Any]:
+def _animation(character: CharacterMesh, index: int) -> dict[str, Any]:
     gltf = character.document.gltf
     animation = gltf["animations"][index]
     clocks = [gltf["accessors"][sampler["input"]] for sampler in animation["samplers"]]

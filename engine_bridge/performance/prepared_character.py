@@ -8,7 +8,7 @@ import platformdirs
 
 from engine_bridge.character import own_targets
 from engine_bridge.character.bodies import bodies_of, with_body
-from engine_bridge.character.character import Character, load_character
+from engine_bridge.character.character import CharacterMesh, load_character
 from engine_bridge.character.preparation import prepare
 from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.limb_nodes import limb_nodes
@@ -26,7 +26,7 @@ class PreparedCharacter:
     """A puppet, and everything that is computed once to move its character."""
 
     puppet: Puppet
-    character: Character
+    character: CharacterMesh
     mesh: SolverMesh
     model: ReducedModel
 
@@ -87,7 +87,7 @@ def _check_morphs(prepared: PreparedCharacter, path: Path) -> None:
             )
 
 
-def make_prepared(puppet: Puppet, character: Character) -> PreparedCharacter:
+def make_prepared(puppet: Puppet, character: CharacterMesh) -> PreparedCharacter:
     """Prepare a character for a puppet."""
     mesh, model = prepare(
         character.vertices,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from engine_bridge.character.character import Character
+from engine_bridge.character.character import CharacterMesh
 from engine_bridge.character.materials import preview_colors
 from engine_bridge.pictures.contact_sheet import write_contact_sheet
 from engine_bridge.pictures.renderer import View, project, render
@@ -33,13 +33,13 @@ class _Mark:
     points: NDArray[np.float64]
 
 
-def draw(puppet: Puppet, character: Character, path: Path, title: str) -> None:
+def draw(puppet: Puppet, character: CharacterMesh, path: Path, title: str) -> None:
     """Draw a puppet's limbs and handles on its character, as a PNG.
 
     Parameters
     ----------
     puppet : Puppet
-    character : Character
+    character : CharacterMesh
         The puppet's.
     path : Path
     title : str

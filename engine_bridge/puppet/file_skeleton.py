@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.character.character import Character
+from engine_bridge.character.character import CharacterMesh
 from engine_bridge.character.scene import tree, world_transforms
 from engine_bridge.puppet.skin_joints import are_nested, part_nodes
 
@@ -39,13 +39,13 @@ class FileSkeleton:
     of_parts: bool = False
 
     @classmethod
-    def of(cls, character: Character) -> "FileSkeleton":
+    def of(cls, character: CharacterMesh) -> "FileSkeleton":
         """Take the joints of all skins; without skins, the nodes above nested parts, or parts as `part_joints` does."""
         nested = character.joints or are_nested(character)
         return cls._of_joints(character) if nested else cls._of_parts(character)
 
     @classmethod
-    def _of_joints(cls, character: Character) -> "FileSkeleton":
+    def _of_joints(cls, character: CharacterMesh) -> "FileSkeleton":
         document, gltf = character.document, character.document.gltf
         walk = tree(document)
         above = {node: parent for node, parent in walk if parent is not None}
@@ -65,7 +65,7 @@ class FileSkeleton:
         return cls(nodes, parents, parents, positions, names, _diagonal(character))
 
     @classmethod
-    def _of_parts(cls, character: Character) -> "FileSkeleton":
+    def _of_parts(cls, character: CharacterMesh) -> "FileSkeleton":
         from engine_bridge.puppet.part_joints import part_joints  # it takes SciPy with it, which a service seldom needs
 
         parts = dict(zip(part_nodes(character), part_joints(character), strict=False))
@@ -94,7 +94,7 @@ def _nearest_above(nodes: list[int], above: dict[int, int]) -> list[int]:
     return [next((rows[other] for other in _path_to_top(node, above)[1:] if other in rows), -1) for node in nodes]
 
 
-def _diagonal(character: Character) -> float:
+def _diagonal(character: CharacterMesh) -> float:
     return float(np.linalg.norm(np.ptp(character.vertices, axis=0)))
 
 
@@ -105,7 +105,7 @@ def _path_to_top(node: int, above: dict[int, int]) -> list[int]:
     return path
 
 
-def _middles(character: Character) -> dict[int, NDArray[np.float64]]:
+def _middles(character: CharacterMesh) -> dict[int, NDArray[np.float64]]:
     """Return the middle of the vertices that each node shows."""
     shown: dict[int, list[NDArray[np.float64]]] = {}
     for part in character.parts:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from engine_bridge.character.character import Character
+from engine_bridge.character.character import CharacterMesh
 from engine_bridge.character.document import Document
 from engine_bridge.character.scene import world_transforms
 from engine_bridge.puppet.puppet import Puppet
@@ -25,13 +25,13 @@ def node_labels(document: Document) -> list[str]:
     return [name if name in known else f"#{number}" for number, name in enumerate(names)]
 
 
-def limb_nodes(puppet: Puppet, character: Character, where: str | Path = "the puppet file") -> dict[str, list[int]]:
+def limb_nodes(puppet: Puppet, character: CharacterMesh, where: str | Path = "the puppet file") -> dict[str, list[int]]:
     """Return the nodes of the joints that limbs were read from, root to tip, by the limbs' names.
 
     Parameters
     ----------
     puppet : Puppet
-    character : Character
+    character : CharacterMesh
     where : str or Path, optional
         Name of the puppet file in error messages.
 

@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from capture.bone_names import JointMeaning, joint_meanings
-from engine_bridge.character.character import Character
+from engine_bridge.character.character import CharacterMesh
 from engine_bridge.character.scene import tree, world_transforms
 from engine_bridge.puppet.joint_graph import LABEL_OF
 from engine_bridge.puppet.limb_nodes import node_labels
@@ -119,7 +119,7 @@ class _Shape:
         return np.asarray(middle + END_SHARE * toward * length * axes[0])
 
 
-def part_joints(character: Character) -> list[Joint]:
+def part_joints(character: CharacterMesh) -> list[Joint]:
     """Return a joint for each node of `part_nodes`, for a character without skins whose parts are not nested.
 
     The vertices of a joint are the corners of its part's triangles.
@@ -202,7 +202,7 @@ def without_ornaments(parts: Sequence[Joint]) -> list[Joint]:
     return [replace(parts[row], parent=rows.get(parts[row].parent, -1)) for row in rows]
 
 
-def _names(character: Character, nodes: Sequence[int]) -> list[str]:
+def _names(character: CharacterMesh, nodes: Sequence[int]) -> list[str]:
     """Return the name of each part: its own, or that of a node above it that shows nothing else."""
     gltf, shown = character.document.gltf, {node: {node} for node in nodes}
     above = {node: parent for node, parent in tree(character.document) if parent is not None}

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.character.bodies import bodies_of, with_body
-from engine_bridge.character.character import Character, load_character
+from engine_bridge.character.character import CharacterMesh, load_character
 from engine_bridge.character.face_targets import morph_tables
 from engine_bridge.character.own_targets import names_of
 from engine_bridge.character.surface_document import SURFACE_FILES
@@ -56,7 +56,7 @@ class Proposal:
     Attributes
     ----------
     puppet : Puppet
-    character : Character
+    character : CharacterMesh
     assumed : tuple of str
         Assumptions about the orientation and scale of the mesh, as sentences.
     notes : tuple of str
@@ -66,7 +66,7 @@ class Proposal:
     """
 
     puppet: Puppet
-    character: Character
+    character: CharacterMesh
     assumed: tuple[str, ...]
     notes: tuple[str, ...] = ()
     plan: BodyPlan | None = None
@@ -181,7 +181,7 @@ def new_puppet(
     return Proposal(puppet, character, tuple(assumed), tuple(notes), plan)
 
 
-def _with_chosen(character: Character, body: int | None, where: str) -> tuple[Character, NDArray[np.int64]]:
+def _with_chosen(character: CharacterMesh, body: int | None, where: str) -> tuple[CharacterMesh, NDArray[np.int64]]:
     """Return the character with the body that moves, and the bodies (N,); all of it and none with 0."""
     if body == 0:
         return character, np.ones(0, dtype=np.int64)
@@ -204,7 +204,7 @@ def _plan(puppet: Puppet, plan: BodyPlan | None) -> BodyPlan | None:
     return plan or plan_of({limb.name: np.array(limb.points) for limb in puppet.limb}, puppet.character.basis[1])
 
 
-def _with_near_nodes(puppet: Puppet, character: Character) -> Puppet:
+def _with_near_nodes(puppet: Puppet, character: CharacterMesh) -> Puppet:
     """Return a puppet without nodes if a joint of its file's skeleton is far from the limb that was read from it."""
     try:
         limb_nodes(puppet, character)

@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.character.character import Character
+from engine_bridge.character.character import CharacterMesh
 from engine_bridge.character.scene import tree
 from engine_bridge.puppet.file_skeleton import FileSkeleton
 from engine_bridge.puppet.limb_nodes import limb_nodes
@@ -68,7 +68,7 @@ class RigBones:
         above = np.where(self.parents[:, None] >= 0, self.shares[self.parents], 0.0)
         return np.asarray((self.shares != above).any(axis=1))
 
-    def of_nodes(self, character: Character) -> NDArray[np.float64]:
+    def of_nodes(self, character: CharacterMesh) -> NDArray[np.float64]:
         """Return the shares (nodes, b) of the bones in the motion of each node, those of the nearest joint above."""
         own = dict(zip(self.nodes.tolist(), self.shares, strict=True))
         found = np.zeros((len(character.document.gltf["nodes"]), self.shares.shape[1]))
@@ -78,7 +78,7 @@ class RigBones:
 
 
 def rig_bones(
-    character: Character, limbs: Sequence[Limb], nodes: Mapping[str, Sequence[int]] = MappingProxyType({})
+    character: CharacterMesh, limbs: Sequence[Limb], nodes: Mapping[str, Sequence[int]] = MappingProxyType({})
 ) -> RigBones:
     """Return the bones that the joints of a file's skeleton follow.
 
@@ -96,7 +96,7 @@ def rig_bones(
 
     Parameters
     ----------
-    character : Character
+    character : CharacterMesh
     limbs : sequence of Limb
         Mesh file's coordinates.
     nodes : mapping of str to sequence of int, optional
@@ -117,12 +117,12 @@ def rig_bones(
     return min(found, key=lambda each: len(each.missing))
 
 
-def own_bones(character: Character, puppet: Puppet) -> RigBones | None:
+def own_bones(character: CharacterMesh, puppet: Puppet) -> RigBones | None:
     """Return the bones that the joints of a file's skeleton follow; None if no limb is along the skeleton.
 
     Parameters
     ----------
-    character : Character
+    character : CharacterMesh
     puppet : Puppet
 
     Raises
@@ -135,12 +135,12 @@ def own_bones(character: Character, puppet: Puppet) -> RigBones | None:
     return None if found is None or (others and len(found.missing) == len(others)) else found
 
 
-def skin_shares(character: Character, puppet: Puppet) -> NDArray[np.float64] | None:
+def skin_shares(character: CharacterMesh, puppet: Puppet) -> NDArray[np.float64] | None:
     """Return each bone's share in the motion of each vertex.
 
     Parameters
     ----------
-    character : Character
+    character : CharacterMesh
     puppet : Puppet
 
     Returns
@@ -162,7 +162,7 @@ def skin_shares(character: Character, puppet: Puppet) -> NDArray[np.float64] | N
     return shares
 
 
-def _of_puppet(character: Character, puppet: Puppet) -> RigBones | None:
+def _of_puppet(character: CharacterMesh, puppet: Puppet) -> RigBones | None:
     """Return the bones that joints follow; None without limbs or without a skeleton."""
     found = rig_bones(character, puppet.limbs, limb_nodes(puppet, character)) if puppet.limb else None
     return None if found is None or not len(found.nodes) else found

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.bone_names import joint_meanings
-from engine_bridge.character.character import Character
+from engine_bridge.character.character import CharacterMesh
 from engine_bridge.puppet.joint_graph import LABEL_OF, JointGraph, joint_graph
 from engine_bridge.puppet.limb_shapes import ARM, END_SHARE, LEG, LimbShape
 from engine_bridge.puppet.part_joints import part_joints, without_ornaments
@@ -86,13 +86,13 @@ class _Chain:
 
 
 def rig_limbs(
-    character: Character, up: NDArray[np.float64] | None = None, front: NDArray[np.float64] | None = None
+    character: CharacterMesh, up: NDArray[np.float64] | None = None, front: NDArray[np.float64] | None = None
 ) -> RigBody | None:
     """Find a character's limbs by the joints of its file's skeleton.
 
     Parameters
     ----------
-    character : Character
+    character : CharacterMesh
     up, front : (3,) float64, optional
         Known directions.
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.character.character import Character
+from engine_bridge.character.character import CharacterMesh
 from engine_bridge.character.document import Document
 from engine_bridge.character.scene import influences, tree, world_transforms
 from engine_bridge.puppet.limb_nodes import node_labels
@@ -41,7 +41,7 @@ class Joint:
     contacts: Mapping[int, int] = field(default_factory=dict)
 
 
-def joints_of(character: Character) -> list[Joint]:
+def joints_of(character: CharacterMesh) -> list[Joint]:
     """Return the joints of all skins; without skins, the named nodes of a character of several parts.
 
     Vertices of a part without a skin that hangs on a joint follow this joint, if it is a part of the body: if no
@@ -81,19 +81,19 @@ def joints_of(character: Character) -> list[Joint]:
     return joints
 
 
-def part_nodes(character: Character) -> list[int]:
+def part_nodes(character: CharacterMesh) -> list[int]:
     """Return the nodes that show the parts of a character."""
     return sorted({part.node for part in character.parts})
 
 
-def are_nested(character: Character) -> bool:
+def are_nested(character: CharacterMesh) -> bool:
     """Return whether the file says how a body of parts hangs together: two parts are above another one."""
     nodes = part_nodes(character)
     above = parts_above(character, nodes)
     return any(above[over] >= 0 for over in above if over >= 0)
 
 
-def parts_above(character: Character, nodes: Sequence[int]) -> list[int]:
+def parts_above(character: CharacterMesh, nodes: Sequence[int]) -> list[int]:
     """Return the row of the nearest shown node above each one, −1 for none."""
     rows, found = {node: row for row, node in enumerate(nodes)}, dict[int, int]()
     for node, parent in tree(character.document):
@@ -123,12 +123,12 @@ def _vrm_names(document: Document) -> dict[int, str]:
     return {node: bone for bone, node in named if isinstance(bone, str) and isinstance(node, int)}
 
 
-def vertex_influences(character: Character) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def vertex_influences(character: CharacterMesh) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return the nodes that move each vertex: joints, or the node that shows it if it has no skin.
 
     Parameters
     ----------
-    character : Character
+    character : CharacterMesh
 
     Returns
     -------
@@ -149,7 +149,7 @@ def vertex_influences(character: Character) -> tuple[NDArray[np.int64], NDArray[
     return np.concatenate([which for which, _ in padded]), np.concatenate([share for _, share in padded])
 
 
-def _most_followed(character: Character) -> NDArray[np.int64]:
+def _most_followed(character: CharacterMesh) -> NDArray[np.int64]:
     """Return the node (N,) with the largest share in each vertex's motion."""
     nodes, shares = vertex_influences(character)
     return np.asarray(nodes[np.arange(len(nodes)), shares.argmax(axis=1)])

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.character.character import TRIANGLES, Character
+from engine_bridge.character.character import TRIANGLES, CharacterMesh
 from engine_bridge.character.document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
 from engine_bridge.character.scene import own_mesh, show_all, world_transforms
 from engine_bridge.character.scene import skinning as carried_by_skin
@@ -35,7 +35,7 @@ INFLUENCES_PER_SET = 4
 
 
 def rigged_document(
-    character: Character, made: MadeRig, follows: NDArray[np.int64], placed: NDArray[np.float64] | None = None
+    character: CharacterMesh, made: MadeRig, follows: NDArray[np.int64], placed: NDArray[np.float64] | None = None
 ) -> tuple[Document, list[int], tuple[str, ...]]:
     """Bind the meshes of a copy of a character's document to new joints.
 
@@ -45,7 +45,7 @@ def rigged_document(
 
     Parameters
     ----------
-    character : Character
+    character : CharacterMesh
     made : MadeRig
     follows : (N,) int64
         Solver vertex of each vertex of all parts, one part after another.
@@ -129,7 +129,7 @@ def _placed(skeleton: Skeleton, transform: NDArray[np.float64]) -> Skeleton:
 
 def _convert_to_world(
     document: Document,
-    character: Character,
+    character: CharacterMesh,
     nodes: Iterable[int],
     everywhere: NDArray[np.float64],
     of_vertices: NDArray[np.float64],
@@ -139,7 +139,7 @@ def _convert_to_world(
     Parameters
     ----------
     document : Document
-    character : Character
+    character : CharacterMesh
     nodes : iterable of int
     everywhere : (4, 4) float64
         Transform of points and lines, from the world.

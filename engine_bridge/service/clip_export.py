@@ -72,8 +72,7 @@ def write_clip(
     with written_whole(output) as path, path.open("wb") as file:
         file.write(beginning(character, facts))
         for number, time in enumerate(motion.times.tolist()):
-            R, root = motion.R[number], motion.root[number]
-            file.write(frame_message(character, number, time, R, root, weights[number]))
+            file.write(frame_message(character, number, time, motion[number], weights[number]))
     return ClipSummary(
         output=str(output),
         character=name,

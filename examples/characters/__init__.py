@@ -3,11 +3,11 @@
 from collections.abc import Callable
 
 from . import biped, dinosaur, dog, human, pegasus
-from .character import Character
+from .character import ColoredSurface
 
-__all__ = ["CHARACTERS", "Character"]
+__all__ = ["CHARACTERS", "ColoredSurface"]
 
-CHARACTERS: dict[str, Callable[[], Character]] = {
+CHARACTERS: dict[str, Callable[[], ColoredSurface]] = {
     "dinosaur": dinosaur.build,
     "biped": biped.build,
     "pegasus": pegasus.build,

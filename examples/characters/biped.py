@@ -23,7 +23,7 @@ from ..sdf import (
     union,
 )
 from ..surface import Focus
-from .character import Character, mesh_figure
+from .character import ColoredSurface, mesh_figure
 
 STEEL = (0.33, 0.37, 0.43)
 BRIGHT = (0.60, 0.64, 0.70)
@@ -314,7 +314,7 @@ def _worn(points: Array, colors: Array) -> Array:
     return colors + weight[:, None] * (np.array(SHADOW) * colors / 0.45 - colors)
 
 
-def build() -> Character:
+def build() -> ColoredSurface:
     """Make the armoured biped."""
     steps: list[Part | Pattern] = [
         *_mail(),

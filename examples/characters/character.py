@@ -11,7 +11,7 @@ from ..surface import Focus, mesh
 
 
 @dataclass(frozen=True)
-class Character:
+class ColoredSurface:
     """A coloured closed surface in metres: y up, facing +z, its right side at −x, its feet at y = 0.
 
     Parameters
@@ -30,10 +30,10 @@ class Character:
     colors: NDArray[np.float32]
 
 
-def mesh_figure(name: str, figure: Figure, vertices: int, foci: Sequence[Focus] = ()) -> Character:
+def mesh_figure(name: str, figure: Figure, vertices: int, foci: Sequence[Focus] = ()) -> ColoredSurface:
     """Return the mesh of a figure with a given number of coloured vertices."""
     v, f = mesh(figure.distance, *figure.bounds(), vertices, foci)
-    return Character(name, v, f, _smooth_colors(figure, v, f).astype(np.float32))
+    return ColoredSurface(name, v, f, _smooth_colors(figure, v, f).astype(np.float32))
 
 
 def _smooth_colors(figure: Figure, v: NDArray[np.float64], f: NDArray[np.int64]) -> NDArray[np.float64]:

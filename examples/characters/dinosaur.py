@@ -5,7 +5,7 @@ import numpy as np
 from ..figure import Figure, Part, Pattern, both
 from ..sdf import Array, curve, ellipsoid, half_space, round_cone, sphere, stretch, tube, turn
 from ..surface import Focus
-from .character import Character, mesh_figure
+from .character import ColoredSurface, mesh_figure
 
 SKIN = (0.10, 0.34, 0.16)
 DARK = (0.03, 0.15, 0.10)
@@ -150,7 +150,7 @@ def _face() -> list[Part]:
     return parts
 
 
-def build() -> Character:
+def build() -> ColoredSurface:
     """Make the dinosaur."""
     spine = stretch(tube(SPINE), (0.92, 1.0, 1.0), (0, 0, 0))
     steps: list[Part | Pattern] = [

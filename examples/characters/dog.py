@@ -5,7 +5,7 @@ import numpy as np
 from ..figure import Figure, Part, Pattern, both
 from ..sdf import Array, ellipsoid, half_space, round_cone, sphere, stretch, torus, tube, turn
 from ..surface import Focus
-from .character import Character, mesh_figure
+from .character import ColoredSurface, mesh_figure
 
 COAT = (0.48, 0.21, 0.065)
 DARK = (0.10, 0.04, 0.016)
@@ -164,7 +164,7 @@ def _coat(points: Array, colors: Array) -> Array:
     return colors
 
 
-def build() -> Character:
+def build() -> ColoredSurface:
     """Make the dog."""
     lean = turn(x=-38)
     collar = torus((0, 0.655, 0.312), (0, 0.82, 0.57), 0.086, 0.016)

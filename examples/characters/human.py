@@ -22,7 +22,7 @@ from ..sdf import (
     union,
 )
 from ..surface import Focus
-from .character import Character, mesh_figure
+from .character import ColoredSurface, mesh_figure
 
 SKIN = (0.62, 0.31, 0.18)
 LIP = (0.52, 0.17, 0.13)
@@ -225,7 +225,7 @@ def _cloth(points: Array, colors: Array) -> Array:
     return colors
 
 
-def build() -> Character:
+def build() -> ColoredSurface:
     """Make the human."""
     steps: list[Part | Pattern] = [
         *_legs(),

@@ -23,7 +23,7 @@ from ..sdf import (
     union,
 )
 from ..surface import Focus
-from .character import Character, mesh_figure
+from .character import ColoredSurface, mesh_figure
 
 COAT = (0.80, 0.77, 0.72)
 SHADE = (0.42, 0.38, 0.38)
@@ -287,7 +287,7 @@ def _dapple(points: Array, colors: Array) -> Array:
     return colors + weight[:, None] * (np.array(SHADE) - colors)
 
 
-def build() -> Character:
+def build() -> ColoredSurface:
     """Make the Pegasus."""
     legs = _legs()
     hooves = [part for part in legs if part.color == HOOF]

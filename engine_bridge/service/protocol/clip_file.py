@@ -10,11 +10,11 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from engine_bridge.performance.pose import Pose
 from engine_bridge.service.protocol.header import Header, Kind, WireError, join, split, topic, write_json
 from engine_bridge.service.protocol.payloads import Received, decode
 from engine_bridge.service.protocol.scene import StreamedCharacter
 from engine_bridge.service.states import STATES
-from solver.motion.deformer import to_file_units
 
 
 @dataclass(frozen=True)
@@ -49,12 +49,7 @@ def beginning(character: StreamedCharacter, facts: ClipFacts) -> bytes:
 
 
 def frame_message(
-    character: StreamedCharacter,
-    number: int,
-    time: float,
-    R: NDArray[np.float32],
-    root: NDArray[np.float32],
-    weights: NDArray[np.float32],
+    character: StreamedCharacter, number: int, time: float, pose: Pose, weights: NDArray[np.float32]
 ) -> bytes:
     """Return the message of a frame.
 
@@ -65,19 +60,14 @@ def frame_message(
         0 for the first frame.
     time : float
         Seconds since the first frame.
-    R : (4m, 3) float32
-        Control variables without the root, model units.
-    root : (3,) float32
-        Translation of the whole character, mesh file's coordinates.
+    pose : Pose
     weights : (k,) float32
         Weights of the mesh's own morph targets, in the order of `Puppet.targets`.
     """
-    controls = to_file_units(R, character.prepared.model)
-    controls[:, :, 3] += root
-    x, y, z = map(float, root)
+    x, y, z = map(float, pose.root)
     header = Header(
         kind=Kind.CONTROLS,
-        length=controls.nbytes,
+        length=pose.controls.nbytes,
         revision=character.revision,
         sequence=number,
         state=STATES.index("performing"),
@@ -85,7 +75,7 @@ def frame_message(
         root=(x, y, z),
         targets=len(weights),
     )
-    return join(topic(character.name, Kind.CONTROLS), header, controls.data, weights.tobytes())
+    return join(topic(character.name, Kind.CONTROLS), header, pose.controls.data, weights.tobytes())
 
 
 def read_clip(content: bytes | memoryview) -> Iterator[Received]:

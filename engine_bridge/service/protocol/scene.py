@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from capture.bone_names import FINGER_BONES
 from capture.skeleton import JOINTS
 from engine_bridge.character import own_targets
-from engine_bridge.character.character import Character
+from engine_bridge.character.character import CharacterMesh
 from engine_bridge.character.materials import drawn_normals, preview_colors
 from engine_bridge.character.schema import Primitive
 from engine_bridge.export.finger_animation import FingerBends, with_fingers
@@ -297,7 +297,7 @@ def scene_arrays(character: StreamedCharacter) -> dict[str, Array]:
     }
 
 
-def uv(character: Character) -> NDArray[np.float32] | None:
+def uv(character: CharacterMesh) -> NDArray[np.float32] | None:
     """Return the first texture coordinates (n, 2) of all parts, zeros for parts without; None if no part has any."""
     found = [
         character.document.attribute(character.primitive(part), "TEXCOORD_0", len(part.vertices), 2)
@@ -309,7 +309,7 @@ def uv(character: Character) -> NDArray[np.float32] | None:
     return np.concatenate([empty if own is None else own for own, empty in zip(found, none, strict=True)]).astype("<f4")
 
 
-def parts(character: Character) -> list[dict[str, Any]]:
+def parts(character: CharacterMesh) -> list[dict[str, Any]]:
     """Return the vertices, triangles, name and material of each part."""
     gltf = character.document.gltf
     described = []
@@ -328,7 +328,7 @@ def parts(character: Character) -> list[dict[str, Any]]:
     return described
 
 
-def _material(character: Character, primitive: Primitive) -> dict[str, Any]:
+def _material(character: CharacterMesh, primitive: Primitive) -> dict[str, Any]:
     """Return a material's numbers, with glTF's defaults for what the file omits."""
     material = character.document.gltf["materials"][primitive["material"]] if "material" in primitive else {}
     surface = material.get("pbrMetallicRoughness", {})

@@ -253,6 +253,8 @@ def _other_axes(others: Sequence[Axes], chosen: tuple[str, str]) -> list[str]:
     changed = [(name, axis) for name, axis, own in zip(AXES, other, chosen, strict=False) if axis != own]
     what = " and ".join(f"{name} is {axis}" for name, axis in changed)
     fix = " ".join(f"--{name} {axis}" for name, axis in changed)
+    if other[2] > 0.5:  # what was found inside has decided
+        return [f"The outline alone says that {what}, but then limbs would be missing. If so: {fix}"]
     return [f"With a probability of {other[2]:.0%}, {what}. If so: {fix}"]
 
 

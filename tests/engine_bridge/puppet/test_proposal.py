@@ -167,7 +167,9 @@ def test_a_shape_without_legs_or_arms_is_turned_if_it_is_a_person_then(blob_file
     made = new_puppet(blob_file, tmp_path / "a.toml")
     assert (made.puppet.character.up, made.puppet.character.front) == ("y", "z")
     assert {limb.name for limb in made.puppet.limb} == PERSON.keys()
-    assert "--up z --front y" in made.notes[0]
+    assert made.notes[0] == (
+        "The outline alone says that up is z and front is y, but then limbs would be missing. If so: --up z --front y"
+    )
 
 
 @pytest.mark.parametrize(("away", "feet"), [(0.0, ["left foot"]), (50.0, ["left foot", "right foot"])])

@@ -169,11 +169,18 @@ def upright(pose: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def not_upright(pose: NDArray[np.float64]) -> list[str]:
-    """Return the joints of a pose (20, 3) whose bones `upright` turns: those of a pose that is no upright stand."""
+    """Return the joints of a pose (20, 3) whose bones `upright` turns: those of a pose that is no upright stand.
+
+    Bones of shoulders, hips and hands do not count: how they lie in an upright stand differs from sensor to sensor.
+    """
     parents = [JOINT_INDEX.get(PARENTS.get(joint, ""), JOINT_INDEX[joint]) for joint in JOINTS]
     stand = upright(pose)
     off = np.linalg.norm((stand - stand[parents]) - (pose - pose[parents]), axis=1)
-    return [joint for joint, each in zip(JOINTS, off, strict=True) if each > 1e-6]
+    return [
+        joint
+        for joint, each in zip(JOINTS, off, strict=True)
+        if each > 1e-6 and joint not in LIMB_ROOTS and not joint.startswith("hand")
+    ]
 
 
 def resting_pose(

@@ -3,6 +3,7 @@ import pytest
 from puppetline.examples.performances import PERFORMANCES, clean
 from puppetline.examples.performer import REST, posed
 
+from capture.body import not_upright
 from capture.skeleton import INFERRED, JOINT_INDEX, LOST, TRACKED
 
 NAMES = list(PERFORMANCES)
@@ -44,3 +45,4 @@ def test_it_is_recorded_the_same_each_time_with_joints_that_drop_out_or_are_gues
     begin = clip.times <= 0.6
     assert np.all(clip.confidence[begin] == TRACKED)
     assert np.abs(clip.positions[begin] - clean(name).positions[0]).max() < 0.04
+    assert not_upright(np.median(clip.positions[begin], axis=0)) == []

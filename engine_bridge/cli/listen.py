@@ -20,7 +20,11 @@ from engine_bridge.cli.options import FILE, Finite
     type=click.Choice(["controls", "morphs", "vertices", "vertices16", "joints", "handles", "performer"]),
     help="What to receive. Can be repeated.",
 )
-@click.option("--seconds", type=Finite(0, min_open=True), help="Duration in seconds.  [default: until Ctrl-C]")
+@click.option(
+    "--seconds",
+    type=Finite(0, min_open=True),
+    help="Duration in seconds, from the first message.  [default: until Ctrl-C]",
+)
 @click.option("--token-file", type=FILE, help="The token that the service requires.")
 @options.as_json
 def listen(

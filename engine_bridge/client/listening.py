@@ -42,6 +42,9 @@ closed."""
 NOTICE_SECONDS = 3.0
 """Time without a message after which the client says what is missing, in seconds."""
 
+FIRST_SECONDS = 5.0
+"""Time in which the first message must arrive, in seconds, if the duration of the measurement is given."""
+
 LOOPBACK = ("tcp://127.", "tcp://localhost:", "tcp://[::1]:")
 
 
@@ -90,7 +93,7 @@ class ListenReport:
     ----------
     address : str
     seconds : float
-        Duration of the measurement.
+        Duration of the measurement, from the first message on.
     bytes : int
         Size of all messages.
     refused : int
@@ -124,7 +127,7 @@ def listen(
     address : str
         ``tcp://HOST:PORT`` or ``HOST:PORT`` of the stream.
     seconds : float, optional
-        Duration of the measurement; until Ctrl-C by default.
+        Duration of the measurement, from the first message on; until Ctrl-C by default.
     token : str, optional
         Token of the service, if it requires one.
     characters : sequence of str
@@ -149,18 +152,19 @@ def listen(
         socket = subscriber(context, address, token)
         silence = _Silence(address, socket, notice)
         listener.follow(socket, characters)
-        end = clock.now() + (math.inf if seconds is None else seconds)
+        end = math.inf if seconds is None else clock.now() + FIRST_SECONDS
         with suppress(KeyboardInterrupt):
             while (now := clock.now()) < end:
                 if clock.block(min(end, now + POLL_SECONDS), partial(_poll, socket)):
+                    if seconds is not None and not listener.has_heard:
+                        end = clock.now() + seconds
                     listener.take(socket, socket.recv(), clock.now_ns())
                 silence.look(listener)
     finally:
         context.destroy(linger=0)
-    report = listener.report()
     if not listener.has_heard:
         raise silence.error()
-    return report
+    return listener.report()
 
 
 def _poll(socket: "zmq.Socket[bytes]", seconds: float) -> int:
@@ -265,6 +269,7 @@ class _Listener:
 
     def take(self, socket: "zmq.Socket[bytes]", content: bytes, now: int) -> None:
         """Count a message that arrived at `now`, in nanoseconds."""
+        self._begun = self._begun if self.has_heard else clock.now()
         try:
             message = decode(content)
         except WireError:

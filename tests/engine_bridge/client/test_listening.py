@@ -124,9 +124,17 @@ def test_a_silence_is_told_once_while_the_client_goes_on(in_steps):
     with zmq.Context() as context, context.socket(zmq.XPUB) as silent:
         address = f"tcp://127.0.0.1:{silent.bind_to_random_port('tcp://127.0.0.1')}"
         with pytest.raises(ServiceError) as error:
-            listen(address, seconds=5, notice=told.append)
+            listen(address, seconds=0.3, notice=told.append)
     assert (error.value.where, error.value.found) == (address, "no message within 5 s")
     assert [text.partition("; ")[0] for text in told] == [f"{address}: found no message within 3 s"]
+
+
+def test_the_duration_counts_from_the_first_message(playing, in_steps):
+    service, begun = playing("dog"), clock.now()
+    in_steps(lambda: 0 if clock.now() < begun + 2 else service.step(), patience=0)
+    report = listen(service.address, seconds=0.5)
+    assert report.seconds == pytest.approx(0.5, abs=2 * STEP_SECONDS)
+    assert clock.now() - begun == pytest.approx(2.5, abs=0.1)
 
 
 def interrupt(_text):

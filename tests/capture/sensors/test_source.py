@@ -40,7 +40,7 @@ class Halting:
 
     def track(self, picture):
         self.begun.release()
-        assert self.go_on.acquire(timeout=60)
+        assert self.go_on.acquire()
         return self.tracker.track(picture)
 
     def close(self):
@@ -99,7 +99,7 @@ def test_the_newest_image_is_tracked_and_the_others_count_as_dropped_and_every_f
 ):
     watched = watch(scripted_device, halting)
     scripted_device.show(0.0)
-    assert halting.begun.acquire(timeout=60)
+    assert halting.begun.acquire()
     scripted_device.show(0.001, 0.002, 0.003)
     wait_until(lambda: watched.source.counts.received == 4)
     halting.go_on.release(2)
@@ -123,10 +123,10 @@ def test_an_image_that_is_or_becomes_too_old_is_never_tracked(
     halting.go_on.release(2)
     scripted_device.show(start - 1.01 * MAX_AGE_SECONDS, start)
     assert watched.events()[0].time == start
-    assert halting.begun.acquire(timeout=60)
+    assert halting.begun.acquire()
     halting.go_on.acquire()
     scripted_device.show(start + 0.001)
-    assert halting.begun.acquire(timeout=60)
+    assert halting.begun.acquire()
     scripted_device.show(start + 0.002)
     wait_until(lambda: watched.source.counts.received == 4)
     standing.advance(2 * MAX_AGE_SECONDS)
@@ -148,7 +148,7 @@ def test_a_lost_performer_is_reported_however_late(watch, scripted_device, scrip
     standing.advance(0.01)
     scripted_device.show(standing.now())
     for _ in range(2):
-        assert halting.begun.acquire(timeout=60)
+        assert halting.begun.acquire()
     standing.advance(1.5 * MAX_AGE_SECONDS)
     halting.go_on.release()
     assert _told(watched.events()) == [("Lost", 1)]

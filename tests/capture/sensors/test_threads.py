@@ -14,22 +14,22 @@ def test_one_thread_does_work_in_sequence():
     for name in "abc":
         assert start(
             lambda: seen.append((threading.current_thread(), threading.current_thread().name)), name, _let
-        ).wait(10)
+        ).wait()
     threads, names = zip(*seen, strict=True)
     assert (len(set(threads)), names) == (1, ("a", "b", "c"))
     assert threads[0].is_alive()
 
 
 def test_simultaneous_work_uses_several_threads_and_work_that_never_ends_delays_no_other():
-    together, go_on = threading.Barrier(3, timeout=10), threading.Event()
-    stuck = start(lambda: go_on.wait(10) and None, "stuck", _let)
+    together, go_on = threading.Barrier(3), threading.Event()
+    stuck = start(lambda: go_on.wait() and None, "stuck", _let)
     for _ in range(2):
         done = [start(together.wait, str(k), _let) for k in range(2)]
         together.wait()
-        assert all(each.wait(10) for each in done)
+        assert all(each.wait() for each in done)
     assert not stuck.is_set()
     go_on.set()
-    assert stuck.wait(10)
+    assert stuck.wait()
 
 
 LEFT = """

@@ -22,7 +22,7 @@ def server(status):
 
 
 def ask(port, method="GET", **headers):
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+    connection = http.client.HTTPConnection("127.0.0.1", port)
     connection.request(method, "/metrics", headers=headers)
     response = connection.getresponse()
     body = response.read().decode()

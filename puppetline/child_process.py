@@ -22,8 +22,8 @@ MIN_RETRY_SECONDS, MAX_RETRY_SECONDS = 0.25, 8.0
 MAX_FAILURES = 20
 """How often in succession a process may end soon after its start, which takes more than two minutes."""
 
-END_SECONDS = 10.0
-"""Time that a process has to end when it is asked to, in seconds; then it is ended."""
+END_SECONDS = 5.0
+"""Time that a process has to end in order after its parent has ended, in seconds: its successor is already starting."""
 
 log = logging.getLogger(__name__)
 

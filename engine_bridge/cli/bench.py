@@ -15,7 +15,7 @@ from engine_bridge.cli.progress import progress
 def bench(mesh: Path | None, as_json: bool) -> None:
     """Measure the speed and memory of a character on this machine.
 
-    This takes a minute or two.
+    This takes about a minute.
     """
     from engine_bridge.inspection import benchmark
 

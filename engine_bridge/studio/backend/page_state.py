@@ -122,7 +122,7 @@ def _banner(
                 text=f"The service has ended and is started again. {service.problem}".strip(),
                 fix="Wait a few seconds. If this repeats, choose another source or close the last character.",
             )
-        fix = "This takes a minute or two." if service.text else "Wait a few seconds."
+        fix = "This takes about a quarter of a minute." if service.text else "Wait a few seconds."
         return state.Banner(level="info", text=f"The service starts. {service.text}".strip(), fix=fix)
     if source.kind == "none":
         return state.Banner(

@@ -44,7 +44,7 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
     with opened(path) as file, warnings.catch_warnings(action="ignore"):
         try:
             reader = _markers_only(library.Reader)(file)
-            names = [label.strip() for label in reader.point_labels]
+            names = [label.strip() for label in (reader.point_labels if reader.point_used else ())]
             rate = float(reader.point_rate)
             frames = [points[:, :4].copy() for _, points, _ in islice(reader.read_frames(), MAX_FRAMES + 1)]
         except Exception as error:  # the library raises errors of any kind for a damaged file

@@ -56,7 +56,7 @@ def unit_of(points: Floats) -> tuple[Floats, str]:
         NaN for lost joints.
     """
     known = points[np.isfinite(points).all(axis=2)]
-    hips, shoulders = (_middle(points, joint) for joint in ("hip", "shoulder"))
+    hips = points[:, [JOINT_INDEX["hip_left"], JOINT_INDEX["hip_right"]]].mean(axis=1)
     if not np.isfinite(hips).all(axis=1).any():
         return np.ones(3), ""
     middle = np.nanmedian(hips, axis=0)
@@ -67,10 +67,9 @@ def unit_of(points: Floats) -> tuple[Floats, str]:
     is_pixel = bool(depth_of_hips < MAX_DEPTH_OF_HIPS * extent[1] and extent[2] > 0 and (high[:2] < SIZES[-2]).all())
     if (middle[:2] < 0.05).any() or (abs(middle[2]) > 0.05 and (is_share or not is_pixel)):
         return np.ones(3), ""
-    is_down = bool(np.nanmedian(shoulders[:, 1] - hips[:, 1]) < 0)
-    if (low[:2] > -0.2).all() and (high[:2] < 1 + (MAX_OUTSIDE if is_down else 0.2)).all():
+    if (low[:2] > -0.2).all() and (high[:2] < 1 + MAX_OUTSIDE).all():
         kind, units = "shares", {name: (1.0, 1 / ratio, 1.0) for name, ratio in RATIOS.items()}
-    elif is_share or (is_pixel and is_down and (middle[:2] > MIN_PIXELS).all() and (low[:2] > 0).all()):
+    elif is_share or (is_pixel and (middle[:2] > MIN_PIXELS).all() and (low[:2] > 0).all()):
         width, height = next((size for size in SIZES if (high[:2] < size).all()), SIZES[-1])
         kind, units = "pixels", {f"{width} × {height}": (1.0, 1.0, float(width if is_share else 1))}
     else:
@@ -101,8 +100,3 @@ def _misfit(points: Floats) -> float:
         expected = TYPICAL_WIDTHS_METRES / typical[np.isfinite(tall)].sum()
         deviation = np.nanmean(np.abs(np.log(bone_ratios(points))))
         return float(deviation + spread + abs(np.log(np.nansum(wide) / np.nansum(tall) / expected)))
-
-
-def _middle(points: Floats, joint: str) -> Floats:
-    middle: Floats = points[:, [JOINT_INDEX[f"{joint}_{side}"] for side in ("left", "right")]].mean(axis=1)
-    return middle

@@ -15,7 +15,7 @@ from capture.formats import image_positions
 from capture.formats.layouts import HOLISTIC, JOINT_SETS
 from capture.formats.placement import bone_length
 from capture.formats.positions import select
-from capture.formats.proportions import MAX_BONE_RATIO, bone_ratios
+from capture.formats.proportions import MAX_BONE_RATIO, bone_ratios, refuse_flat
 from capture.skeleton import JOINT_INDEX, PARENTS
 from puppetline.errors import SkeletonLogError
 
@@ -132,6 +132,7 @@ def joint_set(path: Path, positions: Floats, chosen: str | None = None, found: s
         return names[0]
     best = fits(positions, names)
     if not best:
+        refuse_flat(path, np.where((positions[..., :2] == 0).all(axis=2, keepdims=True), np.nan, positions))
         raise SkeletonLogError(
             path,
             found=f"{found} of {count} joints without names, in no order that gives a person",

@@ -276,10 +276,12 @@ def _up(points: Floats, options: ReadOptions, stature: float | None, *, in_image
     name = f"{'−' if sign < 0 else ''}{'xyz'[axis]}"
     if stature is not None and not _has_floor(sign * points[..., axis] / stature, 2.0):
         with warnings.catch_warnings(action="ignore"):  # frames without joints
-            way = np.ptp(np.nanpercentile(np.nanmin(sign * points[..., axis] / stature, axis=1), [5, 95]))
-        for other in (1, 2):  # a lying body, or one that crawls: nobody rises as far
-            if other != axis and _has_floor(points[..., other] / stature, 2.0 if way > MAX_RISE else 1.0):
-                note = f"Up is assumed to be {'xyz'[other]}, from the floor at 0 on which the body lies."
+            lowest = np.nanmin(points / stature, axis=1)
+        rises = np.ptp(np.nanpercentile(lowest[:, axis], [5, 95])) > MAX_RISE  # only climbers do, in most files along y
+        for other in (1, 2):  # a lying body, or one that crawls
+            floor = np.nanmedian(lowest[:, other]) if other == 1 and rises else 0.0
+            if other != axis and _has_floor(points[..., other] / stature - floor, 2.0 if rises else 1.0):
+                note = f"Up is assumed to be {'xyz'[other]}, from the floor on which the body lies."
                 return np.eye(3)[other], note
     return sign * np.eye(3)[axis], f"Up is assumed to be {name}, the direction from feet to head."
 

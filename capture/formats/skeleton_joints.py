@@ -157,7 +157,8 @@ def _choose(
     options: ReadOptions,
 ) -> tuple[dict[str, int], int | None]:
     """Return the nodes that are joints, by their names or else by the shape of the skeleton, and then its legs."""
-    chosen = _choose_nodes(names, positions)
+    named = _choose_nodes(names, positions)
+    chosen = named | _between(parents, named)
     missing = [joint for joint in REQUIRED if joint not in chosen]
     if not missing:
         return chosen, None
@@ -229,6 +230,17 @@ def _choose_nodes(names: Sequence[str], positions: Sequence[Points]) -> dict[str
         if nodes:
             chosen[joint] = nodes[0]
     return chosen
+
+
+def _between(parents: Sequence[int], chosen: Mapping[str, int]) -> dict[str, int]:
+    """Return joints that no name tells but the hierarchy: the only node between two others, as knees below hips."""
+    found = {}
+    for lower, joint in PARENTS.items():
+        if joint in REQUIRED and joint not in chosen and lower in chosen:
+            node = parents[chosen[lower]]
+            if node >= 0 and parents[node] == chosen.get(PARENTS[joint]):
+                found[joint] = node
+    return found
 
 
 def _names_error(path: Path, names: Sequence[str], missing: Sequence[str]) -> SkeletonLogError:

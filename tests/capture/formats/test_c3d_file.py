@@ -45,6 +45,15 @@ def test_a_damaged_file_is_an_error(tmp_path):
         assert np.isfinite(clips[0].positions[clips[0].confidence > 0]).all()
 
 
+def test_a_file_without_markers_is_called_so(tmp_path):
+    content = bytearray(write(tmp_path / "a.c3d").read_bytes())
+    used = content.rindex(b"USED") + 8  # after the offset of the next parameter, the type and the number of dimensions
+    content[2:4] = content[used : used + 2] = b"\0\0"
+    (tmp_path / "b.c3d").write_bytes(content.replace(b"LABELS", b"LABELZ"))
+    with pytest.raises(SkeletonLogError, match="4 frames of 0 markers"):
+        read_log(tmp_path / "b.c3d")
+
+
 def test_scales_may_be_integers(tmp_path):
     content = bytearray(write(tmp_path / "a.c3d").read_bytes())
     expected = read_log(tmp_path / "a.c3d", ReadOptions())

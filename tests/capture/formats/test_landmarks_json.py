@@ -7,6 +7,7 @@ import pytest
 
 from capture.formats import landmarks_json
 from capture.formats.layouts import JOINT_SETS
+from capture.formats.options import ReadOptions
 from capture.skeleton import JOINT_INDEX, JOINTS
 from puppetline.errors import SkeletonLogError
 
@@ -89,6 +90,17 @@ def test_people_are_clips(read):
 )
 def test_other_documents_are_refused(refused_at, document):
     assert refused_at(landmarks_json, json.dumps(document)) == ""
+
+
+def test_points_with_a_score_are_those_of_an_image(tmp_path):
+    picture = 900 * joints_as(JOINT_SETS["coco"])[:, ::-1, :2] + [960, 540]  # in an unknown order
+    picture[:, :4] = 0  # lost
+    score = np.random.default_rng(0).uniform(0, 1, (*picture.shape[:2], 1))
+    document = [{"frame": index, "keypoints": each.tolist()} for index, each in enumerate(np.dstack([picture, score]))]
+    path = tmp_path / "a.json"
+    path.write_text(json.dumps(document))
+    with pytest.raises(SkeletonLogError, match=r"positions in an image \(2D\)"):
+        landmarks_json.read(path, ReadOptions())
 
 
 def test_a_document_may_be_one_pose(read):

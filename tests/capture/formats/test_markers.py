@@ -101,7 +101,7 @@ def test_joints_that_a_program_has_computed_are_read_by_their_names(tmp_path):
 
 def test_sides_of_joints_have_many_names_and_markers_that_are_never_seen_do_not_count(tmp_path):
     names = {"LKNE": "L_knee_lat", "L.Knee.Med": "L_knee_medial", "LELB": "LElbow_lat_v", "RWRA": "R_wrist_radius"}
-    names |= {"RWRB": "R_wrist_ulna"}
+    names |= {"RWRB": "R_wrist_ulna", "RELB": "RHUM", "LANK": "LANE", "L.Ankle.Med": "LANI"}
     at = {names.get(name, name): place for name, place in body().items()}
     unseen = {"RLFC": np.full(3, np.nan), "LEL": np.full(3, np.nan)}
     (clip,), (same,) = (

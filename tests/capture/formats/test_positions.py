@@ -323,11 +323,20 @@ def test_positions_in_a_picture_get_one_unit(width, height, reach, in_pixels, de
     assert "scaled to 1.7 m" in " ".join(clip.notes)
 
 
-def test_depths_in_pixels_are_those_of_a_picture():
+@pytest.mark.parametrize("up", [-1.0, 1.0])
+def test_depths_in_pixels_are_those_of_a_picture(up):
     points = joints_as(BLAZEPOSE) * -250.0
     hips = points[:, [BLAZEPOSE.index("left_hip"), BLAZEPOSE.index("right_hip")]].mean(axis=1, keepdims=True)
-    clip = clip_of_positions(PATH, "table", BLAZEPOSE, points - hips + [640, 360, 0], OPTIONS)
+    picture = (points - hips) * [1, -up, 2] + [640, 360, 0]  # trackers exaggerate depths
+    clip = clip_of_positions(PATH, "table", BLAZEPOSE, picture, OPTIONS)
     assert "pixels of an image, which is assumed to have 1280 × 720" in " ".join(clip.notes)
+    across = clip.positions[:, JOINT_INDEX["hip_right"]] - clip.positions[:, JOINT_INDEX["hip_left"]]
+    expected = person()[:, JOINT_INDEX["hip_right"]] - person()[:, JOINT_INDEX["hip_left"]]
+    shank, own = (
+        each[:, JOINT_INDEX["ankle_left"]] - each[:, JOINT_INDEX["knee_left"]] for each in (clip.positions, person())
+    )
+    sizes = [np.linalg.norm(each, axis=1) for each in (across, expected, shank, own)]
+    np.testing.assert_allclose(sizes[0] / sizes[2], sizes[1] / sizes[3])
 
 
 @pytest.mark.parametrize("depth", [0.9, np.nan])

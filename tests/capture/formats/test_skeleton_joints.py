@@ -158,6 +158,14 @@ def test_missing_middle_joints_are_midpoints_and_hands_are_ends():
     assert sum("joint for spine." in note for note in notes) == 1
 
 
+def test_a_joint_with_another_name_is_the_only_one_between_its_neighbours():
+    names = [*sides("*Arm", "*Alpha", "*Hand", "", "*UpLeg", "*Beta", "*Foot", ""), "Head", ""]
+    found, _ = points_of(names)
+    assert (found["elbow_left"], found["knee_left"], found["knee_right"]) == (1, 5, 13)
+    with pytest.raises(SkeletonLogError, match="no joint for elbow_left among"):
+        points_of([*names[:1], "LeftGamma", *names[1:]])
+
+
 def test_a_finger_joint_at_the_wrist_is_passed_over():
     names, _ = SKELETONS["Biovision"]
     names = [*names, "lhand", "LFingers", "rhand", "RFingers"]

@@ -220,8 +220,9 @@ async def measure(kiosk: Kiosk, kills: int) -> dict[str, Any]:
             seconds[kind].append(stood)
             print(f"{number:3d} {kind:8s} {'dead' if stood is None else f'{stood:.1f} s'}, {left} orphans", flush=True)
 
-        while (lost := recorded - kiosk.films()) and await until(partial(kiosk.has_one_of, lost), FILM_SECONDS):
-            pass
+        lost = recorded - kiosk.films()
+        while lost and await until(partial(kiosk.has_one_of, lost), FILM_SECONDS):
+            lost -= kiosk.films()
     return {"seconds": dict(seconds), "clips": len(recorded), "lost": sorted(lost), "orphans": orphans}
 
 

@@ -23,7 +23,9 @@ MAX_FAILURES = 20
 """How often in succession a process may end soon after its start, which takes more than two minutes."""
 
 END_SECONDS = 5.0
-"""Time that a process has to end in order after its parent has ended, in seconds: its successor is already starting."""
+"""Time that a process has to end by itself after its parent has ended, in seconds; then it is ended.
+
+It is short, because the successor of the parent starts at the same time."""
 
 log = logging.getLogger(__name__)
 

@@ -132,7 +132,8 @@ def joint_set(path: Path, positions: Floats, chosen: str | None = None, found: s
         return names[0]
     best = fits(positions, names)
     if not best:
-        refuse_flat(path, np.where((positions[..., :2] == 0).all(axis=2, keepdims=True), np.nan, positions))
+        at_zero = (positions[..., :2] == 0).all(axis=2, keepdims=True)  # lost ones, of which only the score may differ
+        refuse_flat(path, np.where(at_zero, np.nan, positions))
         raise SkeletonLogError(
             path,
             found=f"{found} of {count} joints without names, in no order that gives a person",

@@ -87,7 +87,7 @@ def _is_persons(ratios: Floats) -> NDArray[np.bool_]:
 
 
 def refuse_flat(path: Path, points: Floats, least: float = MIN_THICKNESS) -> None:
-    """Check that points (T, 20, 3) are in space: their third coordinate is no score, and no copy of another.
+    """Check that points (T, J, 3) are in space: their third coordinate is no score, and no copy of another.
 
     Raises
     ------

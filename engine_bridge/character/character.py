@@ -60,7 +60,7 @@ class Part:
 
 @dataclass(frozen=True)
 class CharacterMesh:
-    """A character with the surfaces to be animated.
+    """What a file shows of a character: its document, and the surfaces that move or stay still.
 
     Attributes
     ----------

@@ -156,9 +156,8 @@ def listen(
         with suppress(KeyboardInterrupt):
             while (now := clock.now()) < end:
                 if clock.block(min(end, now + POLL_SECONDS), partial(_poll, socket)):
-                    if seconds is not None and not listener.has_heard:
-                        end = clock.now() + seconds
                     listener.take(socket, socket.recv(), clock.now_ns())
+                    end = math.inf if seconds is None else listener.begun + seconds
                 silence.look(listener)
     finally:
         context.destroy(linger=0)
@@ -237,12 +236,18 @@ class _Tally:
 
 
 class _Listener:
-    """Subscribes to characters, and counts their messages."""
+    """Subscribes to characters, and counts their messages.
+
+    Attributes
+    ----------
+    begun : float
+        `puppetline.clock.now` when the first message arrived; before that, when this was made.
+    """
 
     def __init__(self, address: str, kinds: tuple[str, ...]) -> None:
         self._address, self._kinds = address, kinds
         self._own = secrets.token_hex(8)
-        self._begun = clock.now()
+        self.begun = clock.now()
         self._bytes = self._refused = 0
         self._followed: set[str] = set()
         self._all = False
@@ -269,7 +274,7 @@ class _Listener:
 
     def take(self, socket: "zmq.Socket[bytes]", content: bytes, now: int) -> None:
         """Count a message that arrived at `now`, in nanoseconds."""
-        self._begun = self._begun if self.has_heard else clock.now()
+        self.begun = self.begun if self.has_heard else clock.now()
         try:
             message = decode(content)
         except WireError:
@@ -308,7 +313,7 @@ class _Listener:
         """Return what has been received so far."""
         return ListenReport(
             address=self._address,
-            seconds=clock.now() - self._begun,
+            seconds=clock.now() - self.begun,
             bytes=self._bytes,
             refused=self._refused,
             scenes=dict(self._scenes),

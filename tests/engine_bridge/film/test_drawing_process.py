@@ -17,6 +17,7 @@ from engine_bridge.film.video import VideoWriter
 from engine_bridge.pictures.gpu_renderer import GpuRenderer
 from puppetline.errors import PuppetlineError
 
+from ...waiting import wait_until
 from ..refusals import refused
 from .conftest import quiet
 
@@ -72,7 +73,7 @@ def draw_with(monkeypatch):
 
 
 def children():
-    """Return the processes that this one has started and that run."""
+    """Return the processes that this one has started and that run. One has no command line at first."""
     return [each for each in psutil.Process().children() if MODULE in each.cmdline()]
 
 
@@ -97,7 +98,7 @@ def test_a_process_that_dies_ends_the_film_with_an_error_and_leaves_nothing(writ
 
     def kill(step, _share):
         if step == "Filming" and not killed:
-            killed.extend(children())
+            killed.extend(wait_until(children))
             killed[0].kill()
 
     path = write_scene(SCENE)
@@ -112,7 +113,7 @@ def test_an_interrupt_leaves_no_process(write_scene, tmp_path, draw_with):
     seen = []
 
     def stop(_step, _share):
-        seen.extend(children())
+        seen.extend(wait_until(children))
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):

@@ -35,21 +35,20 @@ gain = -20
 [[character]]
 name = "human"
 puppet = "human.toml"
-position = [-1.1, 0.0]      # metres to the right and to the front
-turn = 25                   # degrees to its left
+position = [-0.75, 0.0]     # metres to the right and to the front
+turn = 55                   # degrees to its left
 height = 1.6
 
 [[character]]
 name = "dog"
 puppet = "dog.toml"
-position = [0.9, 0.0]
-turn = -15
+position = [1.0, 0.1]
+turn = -60
 height = 0.95
 
 [[take]]
 character = "human"
-file = "kung_fu.log"
-stop = 10.3
+file = "train.log"
 
 [[take]]
 character = "dog"
@@ -62,16 +61,16 @@ fade_out = 0.5
 [[camera]]                  # a wide shot of everybody
 azimuth = 5
 
-[[camera]]                  # the dog sits and gives a paw
-at = 4.2
-shot = "over the shoulder"
-show = ["dog"]
-behind = "human"
+[[camera]]                  # the dog gives its paw
+at = 4.0
+shot = "follow"
+azimuth = -15
 
 [[camera]]                  # it barks
 at = 6.2
 shot = "close"
 show = ["dog"]
+azimuth = -40
 fade = 0.4
 
 [[camera]]
@@ -84,6 +83,12 @@ at = 0.4
 seconds = 2.6
 place = "top"
 font = "round"
+
+[[bubble]]
+character = "human"
+text = "Sit!"
+at = 2.9
+seconds = 1.0
 
 [[bubble]]
 character = "dog"

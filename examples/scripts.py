@@ -369,11 +369,84 @@ def _walk() -> Script:
     )
 
 
+def _train() -> Script:
+    """Train a dog: wave to it, let it sit, hold out a hand for its paw, start back from its barks, cheer and clap."""
+    wave, aside, point = (0.3, 0.33, 0.12), (0.06, 0.38, 0.14), (0.02, -0.2, 0.54)
+    held_out, palm, cheer = (-0.02, 0.16, 0.51), (0.1, 0.02, 0.3), (0.22, 0.52, 0.1)
+    apart, together = (0.02, -0.1, 0.4), (-0.17, -0.1, 0.42)
+    startled = [(6.5, 6.7, palm), (7.4, 7.8, _HANG)]
+    cheering = [(7.8, 8.15, (0.5, -0.1, 0.2)), (8.15, 8.5, cheer), (8.6, 8.85, (0.36, 0.44, 0.1)), (8.9, 9.35, apart)]
+    clapping = [
+        move
+        for start in (9.35, 9.75, 10.15)
+        for move in ((start, start + 0.18, together), (start + 0.2, start + 0.4, apart))
+    ]
+    both = [*startled, *cheering, *clapping, (10.6, 11.1, _HANG)]
+    return Script(
+        duration=11.6,
+        seed=9,
+        moves={
+            "hips": [
+                (4.1, 4.7, (0.0, -0.16, -0.06)),
+                (5.6, 6.2, _STILL),
+                (6.5, 6.75, (0.0, -0.04, -0.07)),
+                (7.5, 7.9, _STILL),
+                (8.0, 8.25, (0.0, -0.07, 0.0)),
+                (8.25, 8.5, _STILL),
+                (8.5, 8.75, (0.0, -0.07, 0.0)),
+                (8.75, 9.0, _STILL),
+            ],
+            "pelvis": [(4.1, 4.7, (14.0, 0.0, 0.0)), (5.6, 6.2, _STILL)],
+            "trunk": [
+                (0.9, 1.3, (0.0, -5.0, 8.0)),
+                (2.2, 2.6, _STILL),
+                (2.9, 3.3, (8.0, 0.0, -10.0)),
+                (4.1, 4.7, (26.0, 0.0, -8.0)),
+                (5.6, 6.2, _STILL),
+                (6.5, 6.7, (-12.0, 0.0, 8.0)),
+                (7.5, 7.9, _STILL),
+                (8.0, 8.4, (-6.0, 0.0, 0.0)),
+                (9.0, 9.4, (8.0, 0.0, 0.0)),
+                (10.6, 11.1, _STILL),
+            ],
+            "head": [
+                (0.9, 1.3, (4.0, 8.0, -10.0)),
+                (2.9, 3.3, (12.0, 0.0, -6.0)),
+                (4.1, 4.7, (-6.0, 10.0, -6.0)),
+                (5.6, 6.2, (6.0, 0.0, -8.0)),
+                (6.5, 6.7, (14.0, 0.0, -10.0)),
+                (8.0, 8.4, (-8.0, 0.0, 0.0)),
+                (9.0, 9.4, (8.0, 10.0, -8.0)),
+                (10.6, 11.1, _STILL),
+            ],
+            "hand_left": both,
+            "hand_right": [
+                (0.85, 1.25, wave),
+                (1.25, 1.45, aside),
+                (1.45, 1.65, wave),
+                (1.65, 1.85, aside),
+                (1.85, 2.05, wave),
+                (2.1, 2.6, _HANG),
+                (2.8, 3.2, point),
+                (3.3, 3.45, (0.02, -0.12, 0.54)),
+                (3.45, 3.6, point),
+                (3.7, 4.1, _HANG),
+                (4.15, 4.7, held_out),
+                (4.9, 5.1, (-0.02, 0.1, 0.51)),
+                (5.1, 5.3, held_out),
+                (5.6, 6.2, _HANG),
+                *both,
+            ],
+        },
+    )
+
+
 SCRIPTS: dict[str, Callable[[], Script]] = {
     "kung_fu": _kung_fu,
     "roar": _roar,
     "rear": _rear,
     "bark": _bark,
     "walk": _walk,
+    "train": _train,
 }
 """Functions that return the moves of the performances, by name."""

@@ -71,11 +71,16 @@ def prepare(name: str, folder: Path, progress: Progress = lambda _stage, _share:
     puppet = folder / f"{name}.toml"
     with as_file(files("puppetline.examples") / "puppets" / puppet.name) as example, written_whole(puppet) as beside:
         shutil.copyfile(example, beside)
-    log = folder / f"{MOTIONS[name]}.log"
+    return _write_motion(MOTIONS[name], folder), puppet
+
+
+def _write_motion(name: str, folder: Path) -> Path:
+    """Write the recording of an example motion, and return its path."""
+    log = folder / f"{name}.log"
     with written_whole(log) as beside, Recorder(beside) as recorder:
-        for frame in performances()[MOTIONS[name]]().frames():
+        for frame in performances()[name]().frames():
             recorder.write(frame)
-    return log, puppet
+    return log
 
 
 def prepare_film(folder: Path, progress: Progress = lambda _stage, _share: None) -> Path:
@@ -93,6 +98,7 @@ def prepare_film(folder: Path, progress: Progress = lambda _stage, _share: None)
     """
     for name in ("human", "dog"):
         prepare(name, folder, progress)
+    _write_motion("train", folder)
     with written_whole(folder / "film.wav") as beside, wave.open(str(beside), "wb") as file:
         file.setnchannels(1)
         file.setsampwidth(2)

@@ -43,6 +43,7 @@ export const strings = {
     rear: "Trot and rear",
     bark: "Sit, paw and bark",
     kung_fu: "Kung fu",
+    train: "Train a dog",
   } as Record<string, string>,
 
   header: {

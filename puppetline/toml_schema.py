@@ -5,7 +5,7 @@ import tomllib
 import typing
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails, PydanticCustomError
@@ -51,6 +51,11 @@ def _even(size: tuple[int, int]) -> tuple[int, int]:
 
 FilmSize = Annotated[tuple[int, int], AfterValidator(_even)]
 """Width and height of a film in pixels, which video codecs require to be even."""
+
+FilmSet = Literal[
+    "studio", "meadow", "forest", "beach", "desert", "snow", "castle", "city", "night", "stage", "space", "underwater"
+]
+"""Landscape or room around the characters of a film."""
 
 
 def check_distinct(names: Sequence[str], kind: str) -> None:

@@ -10,7 +10,7 @@ from pydantic import BeforeValidator, Field, StrictBool, model_validator
 from engine_bridge.puppet.puppet import Number, Text
 from puppetline import toml_schema
 from puppetline.errors import PuppetlineError
-from puppetline.toml_schema import FilmSize, Table, check_distinct, mistake
+from puppetline.toml_schema import FilmSet, FilmSize, Table, check_distinct, mistake
 
 MAX_SECONDS = 6 * 3600.0
 """Maximum length of a film, in seconds."""
@@ -53,11 +53,6 @@ def _color(text: object) -> object:
         raise mistake(found=repr(text), expected="a colour", fix='Write it like "#8fb4d9" or "skyblue".') from None
     return text
 
-
-Set = Literal[
-    "studio", "meadow", "forest", "beach", "desert", "snow", "castle", "city", "night", "stage", "space", "underwater"
-]
-"""Names of the sets that `engine_bridge.film.sets` paints."""
 
 Mood = Literal["day", "evening", "night", "overcast", "spotlight", "water"]
 """Names of the lights in `engine_bridge.film.moods`."""
@@ -198,13 +193,13 @@ class LightTable(Table):
     mood: Mood | None = None
 
 
-DEFAULT_SET: Set = "studio"
+DEFAULT_SET: FilmSet = "studio"
 
 
 class BackgroundTable(Table):
     """[background]: a set, a colour, two colours from top to bottom, or a picture that covers the frame."""
 
-    set: Set | None = None
+    set: FilmSet | None = None
     color: Color | None = None
     colors: tuple[Color, Color] | None = None
     picture: Text | None = None
@@ -215,7 +210,7 @@ class BackgroundTable(Table):
         return self
 
     @property
-    def shown_set(self) -> Set | None:
+    def shown_set(self) -> FilmSet | None:
         """The set, by default `DEFAULT_SET`; None for colours and pictures."""
         return None if self.color or self.colors or self.picture else self.set or DEFAULT_SET
 

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.film.painting import PERIOD, Painting, slabs, speckled
-from engine_bridge.film.scene import Mood, Set
+from engine_bridge.film.scene import Mood
+from puppetline.toml_schema import FilmSet
 
 
 class PaintedSet(NamedTuple):
@@ -28,7 +29,7 @@ class PaintedSet(NamedTuple):
     mood: Mood
 
 
-def panorama(name: Set) -> NDArray[np.uint8]:
+def panorama(name: FilmSet) -> NDArray[np.uint8]:
     """Paint what is around a set, (h, w, 4): `PERIOD` degrees, from `TOP` to `BOTTOM` degrees above the horizon."""
     painting = Painting(seed=sorted(SETS).index(name))
     SETS[name].paint(painting)
@@ -389,7 +390,7 @@ def _fish(to: Painting, x: float, y: float, size: float, color: str) -> None:
     to.disc(x + side * 0.54 * size, y + 0.12 * size, 0.07 * size, "#202838")
 
 
-SETS: dict[Set, PaintedSet] = {
+SETS: dict[FilmSet, PaintedSet] = {
     "studio": PaintedSet(_studio, lambda: speckled("#dedbd5", 0, 0.4), "day"),
     "meadow": PaintedSet(_meadow, lambda: speckled("#8fbf5c", 1, 7.0), "day"),
     "forest": PaintedSet(_forest, lambda: speckled("#5f7a3c", 2, 9.0), "overcast"),

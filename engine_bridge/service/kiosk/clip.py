@@ -9,6 +9,7 @@ from typing import Self
 
 import tomlkit
 
+from engine_bridge.service.kiosk.kiosk_table import KioskTable
 from engine_bridge.service.stages.stage import Stage
 from puppetline import clock
 from puppetline.files import output_errors, written_whole
@@ -59,7 +60,7 @@ class Clip:
     attempts: int = 0
 
     @classmethod
-    def begin(cls, folder: Path, stage: Stage, size: tuple[int, int], began: float) -> Self:
+    def begin(cls, folder: Path, stage: Stage, table: KioskTable, began: float) -> Self:
         """Return a clip of the performers of a stage, with a new code; its scene is written."""
         path = folder / f"{new_code()}.log"
         driven = [
@@ -68,7 +69,7 @@ class Clip:
         clip = cls(path, [name for name, _, _ in driven], began)
         folder.mkdir(parents=True, exist_ok=True)
         with written_whole(clip.scene) as beside:
-            beside.write_text(_scene(path.name, driven, size), encoding="utf-8")
+            beside.write_text(_scene(path.name, driven, table), encoding="utf-8")
         return clip
 
     @property
@@ -137,7 +138,7 @@ def _changed(path: Path) -> float:
     return path.stat().st_mtime
 
 
-def _scene(take: str, driven: list[tuple[str, Path, int]], size: tuple[int, int]) -> str:
+def _scene(take: str, driven: list[tuple[str, Path, int]], table: KioskTable) -> str:
     """Return the scene file of a clip: its characters side by side."""
     middle = (len(driven) - 1) / 2
     characters = [
@@ -148,4 +149,10 @@ def _scene(take: str, driven: list[tuple[str, Path, int]], size: tuple[int, int]
         {"character": name, "file": take, "user": user, "sound": number == 0}
         for number, (name, _, user) in enumerate(driven)
     ]
-    return tomlkit.dumps({"film": {"size": list(size)}, "character": characters, "take": takes})
+    scene = {
+        "film": {"size": list(table.size), "fade_in": 0.5, "fade_out": 0.5},
+        "background": {"set": table.set},
+        "character": characters,
+        "take": takes,
+    }
+    return tomlkit.dumps(scene)

@@ -125,7 +125,7 @@ class Kiosk:
         seconds = self._table.count_in
         try:
             self._make_room()
-            clip = Clip.begin(self._folder, runner.stage, self._table.size, clock.now() + seconds)
+            clip = Clip.begin(self._folder, runner.stage, self._table, clock.now() + seconds)
             try:
                 self._count_in.start(runner, clip.path, seconds)
             except PuppetlineError:

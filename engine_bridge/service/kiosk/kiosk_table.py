@@ -6,7 +6,7 @@ from typing import Annotated
 from pydantic import Field, FiniteFloat, model_validator
 
 from engine_bridge.service.security.endpoints import Text
-from puppetline.toml_schema import FilmSize, Table, mistake
+from puppetline.toml_schema import FilmSet, FilmSize, Table, mistake
 
 LANGUAGES = ("en", "de", "es", "fr", "it", "nl")
 """Languages in which the screen has texts of its own."""
@@ -85,6 +85,8 @@ class KioskTable(Table):
         Minutes after which a visitor's take, sound and film are deleted.
     size : (int, int)
         Width and height of the films, in pixels.
+    set : str
+        Landscape or room around the characters of the films.
     phone_port : int
         Port at which visitors' phones get their films, on all addresses of this machine; 0 for none.
     phone_address : str or None
@@ -97,6 +99,7 @@ class KioskTable(Table):
     longest: Annotated[FiniteFloat, Field(strict=True, ge=1, le=600)] = 60.0
     minutes: Annotated[FiniteFloat, Field(strict=True, gt=0, le=1440)] = 10.0
     size: FilmSize = (1280, 720)
+    set: FilmSet = "stage"
     phone_port: Annotated[int, Field(strict=True, ge=0, le=65535)] = 7481
     phone_address: Text | None = None
     screen: ScreenTable = ScreenTable()

@@ -46,6 +46,7 @@ def test_hands_up_begin_and_end_a_recording_and_the_film_is_offered_and_deleted(
     assert scene == visitors / f"{code}.toml"
     filmed = toml_schema.check(Scene, tomllib.loads(scene.read_text()), "", ServiceError)
     assert [(each.character, each.file, each.user) for each in filmed.take] == [("dog", f"{code}.log", 1)]
+    assert filmed.background.set == "stage"
     [clip] = kiosk.clips
     assert (clip.code, 50 < clip.seconds_left <= 60) == (code, True)
     assert theatre.ask("describe")["status"]["clips"] == [{"code": code, "seconds_left": clip.seconds_left}]

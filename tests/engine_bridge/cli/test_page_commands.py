@@ -88,7 +88,7 @@ def folder(tmp_path_factory, short_examples, blob, blob_file, limbed_puppet, tak
     folder = tmp_path_factory.mktemp("pages")
     for name in ("out", "recordings", "more/1"):
         (folder / name).mkdir(parents=True)
-    for name in ("human", "dog"):
+    for name in ("human", "dog", "dinosaur"):
         examples.prepare(name, folder / "out")
     for name in ("dog", "dragon", "figure", "human"):
         shutil.copy(blob_file, folder / f"{name}.glb")

@@ -102,6 +102,7 @@ def dumps(puppet: Puppet) -> str:
     document["character"] = values["character"]
     for name in ("limb", "handle", "morph", "channel"):
         if name in values:
+            document.add(tomlkit.nl())
             document[name] = tomlkit.aot()
             for each in values[name]:
                 table = tomlkit.table()

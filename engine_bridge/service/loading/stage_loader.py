@@ -5,7 +5,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 
-from capture.sound_input import is_sound_file, open_sound
+from capture.sound_input import open_sound
 from engine_bridge.export.live_basis import LiveBasis
 from engine_bridge.performance.prepared_character import prepared_of
 from engine_bridge.puppet.puppet import Puppet
@@ -98,8 +98,9 @@ def load_stages(
     PuppetlineError
         An error in a file, or a source that cannot be opened. Sources that were opened are closed.
     """
+    heard = {runner.sound_name for runner in runners}
     for table in settings.stage:
-        if table.sound is not None and is_sound_file(table.sound):  # loading characters takes longer
+        if table.sound is not None and table.sound not in heard:  # what is wrong is said now: loading takes longer
             open_sound(table.sound, folder).close()
     loaded: list[LoadedStage] = []
     kept = list(runners)

@@ -99,7 +99,9 @@ def test_a_puppet_that_is_written_and_read_again_is_the_same(tmp_path):
     made = puppet_file.loads(WHOLE, "a.toml")
     puppet_file.dump(made, tmp_path / "made.toml")
     assert puppet_file.load(tmp_path / "made.toml") == made
-    assert tomllib.loads((tmp_path / "made.toml").read_text(encoding="utf-8")) == tomllib.loads(WHOLE)
+    written = (tmp_path / "made.toml").read_text(encoding="utf-8")
+    assert tomllib.loads(written) == tomllib.loads(WHOLE)
+    assert re.findall(r"[^\n]\n\[+\w+\]", written) == []  # a blank line precedes each table
 
 
 def test_the_puppet_above_has_every_key_of_a_file():

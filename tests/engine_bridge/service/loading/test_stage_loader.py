@@ -1,11 +1,12 @@
 import shutil
+import sys
 from pathlib import Path
 
 import pytest
 
 from engine_bridge.service.loading.service_file import from_flags
-from engine_bridge.service.loading.stage_loader import load_players
-from puppetline.errors import PuppetError
+from engine_bridge.service.loading.stage_loader import load_players, load_stages
+from puppetline.errors import PuppetError, SourceError
 
 from ...refusals import refused
 
@@ -54,3 +55,9 @@ def test_vmc_of_a_character_without_the_limbs_of_a_humanoid_is_refused(cast):
     for text in ("[root]", tail):
         told = refused(PuppetError, cast, "[root]", text, rest={"osc": [{"port": 39539, "send": ["joints", "vmc"]}]})
         assert told.where.endswith("dog.toml, [[limb]]")
+
+
+def test_a_microphone_without_its_library_is_refused_before_a_character_is_loaded(tmp_path, executor, monkeypatch):
+    monkeypatch.setitem(sys.modules, "sounddevice", None)  # as where the extra is not installed
+    settings = from_flags(("osc:0",), (Path("missing.toml"),), {"sound": "default"}, {}, {})
+    assert refused(SourceError, load_stages, settings, tmp_path, executor, ()).where == "sound"

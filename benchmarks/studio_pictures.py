@@ -31,6 +31,17 @@ EXAMPLE_SIZE = 128, 112
 PLACE_SIZE = 960, 360
 """Width and height of a picture of a place, in pixels."""
 
+DRAWN_WITH = """async (ratio) => {
+  const { stage } = studio.viewer, before = stage.ratio;
+  stage.ratio = ratio;
+  stage.renderer.setPixelRatio(ratio);
+  stage.resize();
+  studio.viewer.dirty = true;
+  await new Promise((drawn) => requestAnimationFrame(() => requestAnimationFrame(drawn)));
+  return before;
+}"""
+"""JavaScript: draw the view with so many pixels per pixel of the page, and return with how many it was drawn before."""
+
 Shoot, Save = Callable[[str], None], Callable[[str, bytes], None]
 
 
@@ -149,13 +160,13 @@ def documented(folder: Path, browser: Any, save: Save) -> None:
         page.get_by_label("What is your film called?").fill("The new dog")
         page.get_by_label("What is your film called?").press("Enter")
         page.wait_for_timeout(2000)
-        save("studio", page.screenshot())
-        take(1, lambda: save("studio_record", page.screenshot()))
+        save("studio", sharp(page))
+        take(1, lambda: save("studio_record", sharp(page)))
         page.locator(".card", has_text="Human").click()
         take(2, lambda: None)
         page.get_by_role("tab", name="Character").click()
         page.wait_for_timeout(1000)
-        save("studio_character", page.screenshot())
+        save("studio_character", sharp(page))
         button("Play").click()
         until(page, "state.server.timeline?.takes.length === 2")
         page.wait_for_timeout(2000)
@@ -166,7 +177,7 @@ def documented(folder: Path, browser: Any, save: Save) -> None:
         phone.goto(address)
         until(phone, f"state.server?.characters.length === 2 && {MOVING}")
         phone.wait_for_timeout(2000)
-        save("studio_phone", phone.screenshot())
+        save("studio_phone", sharp(phone))
         phone.close()
         button("Dismiss").click()
         button("Workshop").click()
@@ -174,9 +185,17 @@ def documented(folder: Path, browser: Any, save: Save) -> None:
         button("Rest pose").click()
         page.locator(".panel button.line", has_text="left arm").first.click()
         page.wait_for_timeout(2000)
-        save("studio_limb", page.screenshot())
+        save("studio_limb", sharp(page))
         page.close()
     sensor(folder / "sensor", browser, save)
+
+
+def sharp(page: Any) -> bytes:
+    """Return an image of a page whose view is drawn as by a graphics card; without one, it has fewer pixels."""
+    before = page.evaluate(DRAWN_WITH, 2)
+    image: bytes = page.screenshot()
+    page.evaluate(DRAWN_WITH, before)
+    return image
 
 
 def sensor(folder: Path, browser: Any, save: Save) -> None:
@@ -191,7 +210,8 @@ def sensor(folder: Path, browser: Any, save: Save) -> None:
         page.get_by_role("button", name="Show what the camera sees", exact=True).click()
         until(page, "state.look?.picture && state.look.performers.length === 1")
         page.wait_for_timeout(3000)  # the picture is drawn, and the performer is calibrated
-        save("studio_sensor", page.screenshot())
+        page.get_by_text("joints tracked").scroll_into_view_if_needed()
+        save("studio_sensor", sharp(page))
 
 
 def shown_by_the_page(folder: Path, save: Path) -> None:

@@ -40,7 +40,7 @@ DRAWN_WITH = """async (ratio) => {
   await new Promise((drawn) => requestAnimationFrame(() => requestAnimationFrame(drawn)));
   return before;
 }"""
-"""JavaScript: draw the view with so many pixels per pixel of the page, and return with how many it was drawn before."""
+"""JavaScript: draw the view with this number of pixels, across and down, per pixel of the page; return the old one."""
 
 Shoot, Save = Callable[[str], None], Callable[[str, bytes], None]
 
@@ -191,7 +191,7 @@ def documented(folder: Path, browser: Any, save: Save) -> None:
 
 
 def sharp(page: Any) -> bytes:
-    """Return an image of a page whose view is drawn as by a graphics card; without one, it has fewer pixels."""
+    """Return an image of a page. Its view is drawn as with a graphics card; without one, it has fewer pixels."""
     before = page.evaluate(DRAWN_WITH, 2)
     image: bytes = page.screenshot()
     page.evaluate(DRAWN_WITH, before)

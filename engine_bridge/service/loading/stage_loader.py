@@ -100,7 +100,7 @@ def load_stages(
     """
     heard = {runner.sound_name for runner in runners}
     for table in settings.stage:
-        if table.sound is not None and table.sound not in heard:  # what is wrong is said now: loading takes longer
+        if table.sound is not None and table.sound not in heard:  # its errors come now: loading takes longer
             open_sound(table.sound, folder).close()
     loaded: list[LoadedStage] = []
     kept = list(runners)

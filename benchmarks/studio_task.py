@@ -8,9 +8,9 @@ makes the film, watches it and saves it. The performer is drawn, and speaks by t
 
 Seconds of the person are counted, not measured: 2 s for a click, with finding and pointing, and 0.3 s for a key.
 Performing and watching take as long as they last. Everything that the person waits for is the machine's: each wait is
-measured from the end of an action until the page shows its result and can be clicked again; the 3 s before each take
-are among them. Chromium draws without a graphics card. On a busy machine, the processor time of Puppetline's own
-processes says more.
+measured from the end of an action until the page shows its result and can be clicked again; the 3 s before the clap of
+each take are among them. Chromium draws without a graphics card. On a busy machine, the processor time of Puppetline's
+own processes says more.
 """
 
 import argparse
@@ -170,7 +170,7 @@ class Task:
 
     def _take(self, number: int) -> None:
         self.person.click(self._button("Record"))
-        self.person.wait("state.server.recording && state.recordedFrom !== null && state.count === null")
+        self.person.wait("state.server.recording && state.recordedFrom !== null")
         self.person.take(RECORDED_SECONDS)
         self.person.click(self._button("Stop recording"))
         self.person.wait(f"state.film.present.takes.length === {number} && state.busy.length === 0")

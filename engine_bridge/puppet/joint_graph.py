@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,6 +91,9 @@ def joint_graph(joints: Sequence[Joint]) -> JointGraph | None:
     while len(order) > 1 and not len(joints[order[0]].vertices) and sum(parents[i] == order[0] for i in order) == 1:
         parents[order[1]] = -1
         del order[0]
+    if len(joints[order[0]].vertices) > BARE_SHARE * _held(joints, order):
+        _root_at_fork(parents, order[0])
+    order = _ordered({index: parents[index] for index in order})
     rows = {index: row for row, index in enumerate(order)}
     chosen = [joints[index] for index in order]
     places = np.array([joint.place for joint in chosen])
@@ -122,6 +126,16 @@ def joint_graph(joints: Sequence[Joint]) -> JointGraph | None:
         np.array([every.min(axis=0), every.max(axis=0)]),
     )
     return JointGraph(graph, chosen, own)
+
+
+def _root_at_fork(parents: dict[int, int], root: int) -> None:
+    """Hang the joints above the first fork on it: the root may be the end of a body, such as the tail of a fish."""
+    children = Counter(parents.values())
+    row = [root]
+    while children[row[-1]] == 1:
+        row.append(next(index for index, parent in parents.items() if parent == row[-1]))
+    if children[row[-1]]:
+        parents |= dict(pairwise(row)) | {row[-1]: -1}
 
 
 def _hang(joints: Sequence[Joint], meanings: Sequence[JointMeaning | None], parents: dict[int, int]) -> None:

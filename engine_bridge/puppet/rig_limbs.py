@@ -57,6 +57,10 @@ RIGID_KNEE_SHARE = 0.9
 """Place of the knee of a leg that is one part above a foot, as a share of the leg: it follows the thigh, and the foot
 stays at its end."""
 
+AROUND_SHARE = 0.3
+"""Maximum distance of a joint from the middle of vertices that are all around it, and how far they reach at least beyond
+it, as shares of their extent."""
+
 MAX_TRIED = 16
 """About how many joints of a limb are tried as its three: their number grows with the third power."""
 
@@ -251,9 +255,8 @@ class _LimbReader:
         """Return a leg with the bends of a way."""
         if len(chain) < 3:
             return self.of_three(chain, LEG)
-        last = 3 if len(chain) > 3 else 2
-        held = [below for index in chain[last:] for below in self.graph.subtrees[index]]
-        return self.with_end(self.bends(chain), held)
+        bends = self.bends(chain)
+        return self.with_end(bends, self.graph.subtrees[bends[-1]])
 
     def row_leg(self, node: int) -> _Chain:
         """Return one of many legs, without a last bone that is a stub: the joint of a foot may be at its tip."""
@@ -435,7 +438,18 @@ class _LimbReader:
     def curved(self, way: Sequence[int], bones: int) -> _Chain:
         """Return a limb along joints with a number of bones."""
         chain = self.with_end(way, self.graph.subtrees[way[-1]])
-        return _Chain(evenly(chain.points, bones + 1), way)
+        return _Chain(evenly(self.straightened(chain, way[-1]), bones + 1), way)
+
+    def straightened(self, chain: _Chain, last: int) -> NDArray[np.float64]:
+        """Return a limb's points; its end continues the last bone if the vertices there are all around their joint."""
+        root, above, held = chain.points[-2], self.graph.parents[last], self.joints[last].vertices
+        if above < 0 or not len(held):
+            return chain.points
+        bone, middle = _unit(root - self.place(above)), (held.min(axis=0) + held.max(axis=0)) / 2 - root
+        around, reach = AROUND_SHARE * np.ptp(held, axis=0).max(), float(np.quantile((held - root) @ bone, 0.95))
+        if np.linalg.norm(middle) > around or reach < around:
+            return chain.points
+        return np.vstack([chain.points[:-1], root + reach * bone])
 
     def spine(self) -> dict[str, _Chain]:
         """Return trunk and tail of a body whose only joints are a row from front to back; none for another body."""

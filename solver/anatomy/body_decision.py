@@ -19,7 +19,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from solver.anatomy.body_graph import LABELS, BodyGraph, Pair, find_pairs
+from solver.anatomy.body_graph import LABELS, LIMB_SHARE, BodyGraph, Pair, find_pairs
 
 PAIR_LABELS, SINGLE_LABELS = ("leg", "arm", "wing", "ear"), ("head", "tail")
 
@@ -77,9 +77,6 @@ the foot or the hand."""
 
 FACE_SHARE = 0.1
 """Distance from the head's middle at which eyes and a jaw show the front fully, as a share of the body's size."""
-
-LIMB_SHARE = 0.15
-"""Minimum length of the branches of a pair that hangs on the trunk, as a share of the body's size; ears are shorter."""
 
 FORK_SHARE = 0.75
 """Minimum distance of a fork of the trunk from the farthest end below it, as a share of that of the first node."""
@@ -283,7 +280,7 @@ class View:
                 float(graph.faces[below].any()),
                 float(any(shape.rest[0] > LIMB_SHARE for shape in self.shapes if shape.pair.one in below)),
             ]
-            rows.append([[1.0, _said(graph, way, label), *rest] for label in SINGLE_LABELS])
+            rows.append([[1.0, _said(graph, way, label, beyond=True), *rest] for label in SINGLE_LABELS])
         return np.array(rows, dtype=float).reshape(-1, len(SINGLE_LABELS), len(SINGLE_MEASURES))
 
     def pair_measures(self, head: int) -> NDArray[np.float64]:
@@ -321,6 +318,8 @@ class View:
             measures = self.pair_measures(head)
             scores = np.array([measures[:, k] @ weights[label] for k, label in enumerate(PAIR_LABELS)]).T
             scores[np.ix_(self.beyond(head), np.arange(len(PAIR_LABELS)) != PAIR_LABELS.index("ear"))] = -np.inf
+            if tail >= 0:  # fins
+                scores[self.beyond(tail), PAIR_LABELS.index("leg")] = -np.inf
             labels, total = _assigned(scores)
             total += (singles[head, 0] if head >= 0 else 0.0) + (singles[tail, 1] if tail >= 0 else 0.0)
             best = max(best, (float(total), head, tail, labels), key=lambda each: each[0])
@@ -347,8 +346,9 @@ class View:
         return bool(self.single_measures[row, 0, SINGLE_MEASURES.index("name")] > -1)
 
     def _is_tail(self, row: int, head: int) -> bool:
-        """Return whether a branch can be the tail: no pair hangs on it, and it is apart from the head."""
-        return not self.beyond(row) and not self._nodes(row) & self._nodes(head)
+        """Return whether a branch can be the tail: no long pair hangs on it, and it is apart from the head."""
+        long = any(self.shapes[number].rest[0] > LIMB_SHARE for number in self.beyond(row))
+        return not long and not self._nodes(row) & self._nodes(head)
 
     def orientation_measures(
         self, total: float, singles: Mapping[str, list[int]], labels: Sequence[str | None]
@@ -393,9 +393,12 @@ def _mean(values: Sequence[float] | NDArray[np.float64], limit: float) -> float:
     return float(np.clip(np.mean(values), -limit, limit)) if len(values) else 0.0
 
 
-def _said(graph: BodyGraph, nodes: Sequence[int], label: str) -> float:
+def _said(graph: BodyGraph, nodes: Sequence[int], label: str, beyond: bool = False) -> float:
     """Return how far names of nodes speak for a label (1) or another one (−1)."""
     voted = graph.vote(nodes)
+    if beyond:
+        voted = graph.votes[list(nodes)].sum(axis=0) * (np.array(LABELS) != "trunk")
+        voted = voted / max(float(voted.sum()), 1.0)
     return float(2 * voted[LABELS.index(label)] - voted.sum())
 
 

@@ -1,6 +1,6 @@
 """Body graph: a tree of nodes in the middle of a character's limbs, whatever it was built from, and its pairs."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,6 +20,12 @@ which a held pose moves, of named sides, and of different labels by name; those 
 MAX_SAME_SIDE = 0.3
 """What two names with the same side say against a pair, as a share of what different sides say for it: names that were
 copied may be wrong."""
+
+LIMB_SHARE = 0.15
+"""Minimum length of the branches of a pair that hangs on the trunk, as a share of the body's size; ears are shorter."""
+
+GIRDLE_SHARE = 0.6
+"""Minimum length of a limb that hangs on a girdle, as a share of that of the girdle with its limbs."""
 
 MIN_BRANCH_SHARE = 0.02
 """Minimum length of the branches of a pair, and minimum distance between them from left to right, as a share of the
@@ -159,7 +165,7 @@ def find_pairs(graph: BodyGraph, axis: int) -> tuple[list[Pair], list[int]]:
     waiting, left_over = [0], list[int]()
     for node in waiting:
         matched, others = _matched(graph, axis, graph.children[node])
-        pairs += matched
+        pairs += [limb for pair in matched for limb in _limbs(graph, axis, pair)]
         singles.append(node)
         waiting += others
         left_over += others if len(graph.children[node]) > 1 else []
@@ -170,14 +176,37 @@ def find_pairs(graph: BodyGraph, axis: int) -> tuple[list[Pair], list[int]]:
     return pairs + late, [node for node in singles if node not in inside]
 
 
-def _matched(graph: BodyGraph, axis: int, nodes: Sequence[int], nested: bool = False) -> tuple[list[Pair], list[int]]:
-    """Return pairs among branches, the likest first, and the branches without a counterpart."""
+def _limbs(graph: BodyGraph, axis: int, pair: Pair) -> list[Pair]:
+    """Return a pair, or the pairs of limbs that hang on it, if it is a girdle: both sides fork into long branches."""
+    sides = [_long_branches(graph, node) for node in (pair.one, pair.other)]
+    if min(map(len, sides)) < 2:
+        return [pair]
+    found, _ = _matched(graph, axis, sides[0] + sides[1], apart=set(sides[0]))
+    return [limb for each in found for limb in _limbs(graph, axis, each)] or [pair]
+
+
+def _long_branches(graph: BodyGraph, node: int) -> list[int]:
+    """Return the branches at the first fork of a limb that are nearly as long as it is."""
+    least = max(GIRDLE_SHARE * graph.reach[node], LIMB_SHARE * graph.size)
+    while len(graph.children[node]) == 1:
+        node = graph.children[node][0]
+    return [child for child in graph.children[node] if graph.reach[child] > least]
+
+
+def _matched(
+    graph: BodyGraph, axis: int, nodes: Sequence[int], nested: bool = False, apart: Collection[int] = ()
+) -> tuple[list[Pair], list[int]]:
+    """Return pairs among branches, the likest first, and the branches without a counterpart.
+
+    Of branches that are apart from the others, none is a pair with another of them.
+    """
     long = [node for node in nodes if graph.reach[node] > MIN_BRANCH_SHARE * graph.size]
     found = sorted(
         (_unlikeness(graph, axis, one, other), one, other)
         for place, one in enumerate(long)
         for other in long[:place]
         if not nested or not ({one, other} & {*graph.ancestors(one), *graph.ancestors(other)})
+        if not apart or (one in apart) != (other in apart)
     )
     pairs, used = [], set[int]()
     for unlikeness, one, other in found:

@@ -18,6 +18,9 @@ from solver.anatomy.body_graph import LABELS, Pair
 from solver.anatomy.limb_chain import LimbChain, Limbs, evenly, leg_names
 from solver.motion.limbs import distance_from_segment
 
+MIN_TRUNK_SHARE = 1e-3
+"""Minimum length of a trunk, as a share of the body's size."""
+
 MIN_NECK_SHARE = 0.3
 """Minimum length of a neck that is a separate limb, as a share of the trunk's length."""
 
@@ -58,8 +61,8 @@ RIGID_KNEE_SHARE = 0.9
 stays at its end."""
 
 AROUND_SHARE = 0.3
-"""Maximum distance of a joint from the middle of vertices that are all around it, and how far they reach at least beyond
-it, as shares of their extent."""
+"""Maximum distance of a joint from the middle of vertices that are all around it, and how far they reach beyond it at
+least, as shares of their extent."""
 
 MAX_TRIED = 16
 """About how many joints of a limb are tried as its three: their number grows with the third power."""
@@ -366,7 +369,7 @@ class _LimbReader:
         else:
             low = self.place(0)
         high = self.place(neck) if neck is not None else np.mean(arms, axis=0) if arms else None
-        if high is None or not np.linalg.norm(high - low) > 0:  # names of mesh parts, without places
+        if high is None or np.linalg.norm(high - low) < MIN_TRUNK_SHARE * self.graph.size:  # as of parts without places
             return None
         middle = (low + high) / 2
         spine = [self.place(node) for node in np.flatnonzero(self.graph.votes[:, LABELS.index("trunk")]).tolist()]

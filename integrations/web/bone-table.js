@@ -163,7 +163,7 @@ export const TABLE = {
     "ring": "ring finger.3 薬指",
     "little": "little pinky pinkie finger.4 小指"
   },
-  "decoration": "b c j m mixamorig def cc base bip valve biped bn bone bend col",
+  "decoration": "a b c d e g i j k m n o p q s t v w x y z mixamorig def cc base bip valve biped bn bone bend col",
   "controls": "ik fk pole target ctrl control mch org twist roll heel end nub helper",
   "sharedWordShare": 0.5,
   "minSharingJoints": 5

@@ -361,6 +361,7 @@ class View:
         knees = np.concatenate([np.zeros((0, 3)), *(shape.bends for shape in legs)]) @ self.front
         arms = [shape.bends for label, shape in chosen if label == "arm"]
         elbows = -np.concatenate([np.zeros((0, 3)), *arms]) @ self.front
+        lies = len(legs) > 1 or (not arms and ("wing" in labels or not legs))
         marks, face = np.flatnonzero(graph.faces), 0.0
         if "head" in singles and len(marks):
             way = singles["head"]
@@ -383,7 +384,7 @@ class View:
                 ends.get("head", 0.0),
                 -ends.get("tail", 0.0),
                 float(sum(1 - shape.pair.unlikeness for _, shape in chosen)),
-                ends.get("head", 0.0) if len(legs) > 1 else 0.0,
+                ends.get("head", 0.0) if lies else 0.0,
             ]
         )
 
@@ -394,12 +395,14 @@ def _mean(values: Sequence[float] | NDArray[np.float64], limit: float) -> float:
 
 
 def _said(graph: BodyGraph, nodes: Sequence[int], label: str, beyond: bool = False) -> float:
-    """Return how far names of nodes speak for a label (1) or another one (−1)."""
-    voted = graph.vote(nodes)
+    """Return how far names of nodes speak for a label (1) or another one (−1).
+
+    Beyond the trunk, its names say nothing: a spine leads on into the neck and the tail.
+    """
+    votes = graph.votes[list(nodes)].sum(axis=0)
     if beyond:
-        voted = graph.votes[list(nodes)].sum(axis=0) * (np.array(LABELS) != "trunk")
-        voted = voted / max(float(voted.sum()), 1.0)
-    return float(2 * voted[LABELS.index(label)] - voted.sum())
+        votes = votes * (np.array(LABELS) != "trunk")
+    return float((2 * votes[LABELS.index(label)] - votes.sum()) / max(float(votes.sum()), 1.0))
 
 
 def _without_end(points: NDArray[np.float64]) -> NDArray[np.float64]:

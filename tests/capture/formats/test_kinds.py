@@ -18,6 +18,8 @@ CONTENTS = {
     "Git LFS": b"version https://git-lfs.github.com/spec/v1\noid sha256:00\n",
     "HDF5": b"\x89HDF\r\n\x1a\n" + bytes(99),
     "picture": b"\x89PNG\r\n\x1a\n" + bytes(99),
+    "glTF": b'{"scenes": [], "nodes": [{"name": "left_elbow"}], "skins": [{"joints": [0]}], "accessors": []}',
+    "glTF ": b'{"asset" : {"version": "2.0"}, "nodes": [{"name": "left_elbow"}], "skins": [{"joints": [0]}]}',
     "keys name, version": b'{"name": 1, "version": 2}',
     "columns day, open, close": b"day,open,close\n1,2,3\n2,3,4\n",
     "columns speed, weight": b"speed,weight,age\n" + 99 * b"1,2,3\n",

@@ -360,6 +360,130 @@ def test_a_row_of_joints_from_front_to_back_is_a_trunk_and_a_tail():
     assert_allclose(points["tail"] @ FRONT, [1, 0, -1, -1.95])
 
 
+def joints_at(rows):
+    """Make joints from rows of name, parent, place and, if vertices follow them, other places."""
+    names = [row.split()[0] for row in rows]
+    made = []
+    for row in rows:
+        name, parent, *numbers = row.split()
+        place, *held = np.array(numbers, dtype=float).reshape(-1, 3)
+        made.append(Joint(name, names.index(parent) if parent in names else -1, place, np.array([place, *held])))
+    return made
+
+
+@pytest.mark.parametrize("back", ["Tail", "spine2"])
+def test_a_fish_whose_joints_hang_on_its_tail_has_a_tail_and_fins(back):
+    """The vertices of the last joint are all around it; a spine that leads on beyond the trunk is a tail as well."""
+    rows = [
+        f"{back} - 0 0 -2  0.4 0 -1.2  -0.4 0 -1.2  0.4 0 -3  -0.4 0 -3",
+        f"Spine {back} 0 0 -1",
+        "Chest Spine 0 0 0",
+        "Head Chest 0 0 1  0 0 3",
+        "fin.L Chest 0.3 0 0.3  1.6 -0.3 -0.4",
+        "fin.R Chest -0.3 0 0.3  -1.6 -0.3 -0.4",
+    ]
+    found = limbs_of_joints(joints_at(rows))
+    assert_stands(found, (0, 1, 0), FRONT)
+    assert not any("leg" in name for name in found.limbs.points)
+    assert_allclose(found.limbs.points["tail"][-1], (0, 0, -3), atol=1e-12)
+    assert_allclose(found.limbs.points["head"][-1], (0, 0, 3), atol=0.11)
+
+
+def test_small_fins_on_the_back_of_a_fish_are_no_legs():
+    rows = [
+        "Root - 0 0 0",
+        "Face Root 0 0 0.4  0 0 1",
+        "Spine1 Root 0 0 -0.2",
+        "Bone Spine1 0.1 0 -0.3  0.3 -0.2 -0.4",
+        "Bone.001 Spine1 -0.1 0 -0.3  -0.3 -0.2 -0.4",
+        "Spine2 Spine1 0 0 -1",
+        "Tail Spine2 0 0 -2  0 0 -3",
+    ]
+    points = limbs_of_joints(joints_at(rows)).limbs.points
+    assert {"trunk", "head", "tail"} <= points.keys()
+    assert not any("leg" in name for name in points)
+
+
+@pytest.mark.parametrize("name", ["leg_{row}_1", "Bone{row}"])
+def test_the_legs_of_one_side_may_hang_on_one_joint(name):
+    rows = ["body - 0 1 0", "head body 0 1 1  0 1 1.6"]
+    for side, x in (("l", 1), ("r", -1)):
+        rows.append(f"anchor_{side} body {0.1 * x} 1 0")
+        for row, z in zip("abcd", (1.2, 0.5, -0.2, -0.9), strict=True):
+            own = name.format(row=row)
+            rows += [
+                f"{own}_{side} anchor_{side} {0.3 * x} 1 {z / 2}",
+                f"{own}_up_{side} {own}_{side} {0.9 * x} 1.4 {z}",
+                f"{own}_low_{side} {own}_up_{side} {1.4 * x} 0.5 {z}  {1.6 * x} 0 {z}",
+            ]
+    found = limbs_of_joints(joints_at(rows))
+    assert_stands(found, (0, 1, 0), FRONT)
+    for number, z in enumerate((1.2, 0.5, -0.2, -0.9), 1):
+        assert_allclose(found.limbs.points[f"left leg {number}"][-1], (1.6, 0, z), atol=0.05)
+        assert_allclose(found.limbs.points[f"right leg {number}"][-1], (-1.6, 0, z), atol=0.05)
+
+
+FOUR_LEGS = [
+    "pelvis - 0 1 0",
+    "chest pelvis 0 1 1",
+    "neck chest 0 1.2 1.2",
+    "head neck 0 1.6 1.6  0 1.6 2",
+    *(
+        row
+        for side, x in (("L", 0.2), ("R", -0.2))
+        for row in (
+            f"hip_{side} pelvis {x} 0.9 0",
+            f"knee_{side} hip_{side} {x} 0.5 0.1",
+            f"ankle_{side} knee_{side} {x} 0.2 -0.1  {x} 0 0",
+            f"scapula_{side} chest {x} 1.1 1",
+            f"shoulder_{side} scapula_{side} {x} 0.9 1",
+            f"elbow_{side} shoulder_{side} {x} 0.6 0.9",
+            f"wrist_{side} elbow_{side} {x} 0.35 1  {x} 0.2 1",
+            f"fingers1_{side} wrist_{side} {x} 0.15 1",
+            f"fingers2_{side} fingers1_{side} {x} 0.1 1  {x} 0 1",
+        )
+    ),
+]
+
+
+def test_a_front_leg_named_as_an_arm_ends_on_the_ground():
+    points = limbs_of_joints(joints_at(FOUR_LEGS)).limbs.points
+    for side, x in (("left", 0.2), ("right", -0.2)):
+        assert_allclose(points[f"{side} front leg"][-1], (x, 0, 1), atol=0.011)
+
+
+def test_a_wing_ends_at_its_tip_and_not_at_the_middle_of_its_membrane():
+    rows = [*FOUR_LEGS]
+    for side, x in (("L", 1), ("R", -1)):
+        rows.append(f"wing1_{side} chest {0.2 * x} 1.2 0.9")
+        membrane = f"{3 * x} 1.2 0.9  {0.3 * x} 1.2 -0.6  {2.8 * x} 1.2 0"
+        rows.append(f"wing2_{side} wing1_{side} {1.6 * x} 1.2 0.9  {membrane}")
+    points = limbs_of_joints(joints_at(rows)).limbs.points
+    assert_allclose(points["left wing"][-1], (3, 1.2, 0.9), atol=0.1)
+
+
+def test_the_head_of_a_winged_body_that_lies_is_at_its_front():
+    """Against the usual front, and against toes, as those of a turtle that swims."""
+    rows = ["Spine1 - 0 0 0", "Spine2 Spine1 0 0 -1", "head Spine2 0 0 -2  0 0 -3"]
+    for side, x in (("left", -1), ("right", 1)):
+        rows += [
+            f"flipper1_{side} Spine2 {0.3 * x} 0 -1",
+            f"flipper2_{side} flipper1_{side} {0.9 * x} 0 -1.4  {1.6 * x} 0.2 -1.8",
+            f"hind1_{side} Spine1 {0.3 * x} -0.2 0.1",
+            f"hind2_{side} hind1_{side} {0.6 * x} -0.3 0.3",
+            f"hind3_{side} hind2_{side} {0.8 * x} -0.4 0.5  {0.8 * x} -0.45 0.9",
+        ]
+    assert_stands(limbs_of_joints(joints_at(rows)), (0, 1, 0), -FRONT)
+
+
+def test_joints_at_one_place_are_no_trunk():
+    rows = ["head - 0 0 2  0 0 1.5  0 0 0.2", "tail1 head 0 0 0", "tail2 tail1 0 0 -1  0 0 -2"]
+    for side, x in (("L", 1), ("R", -1)):
+        rows += [f"wing1.{side} head 0 0 1e-6", f"wing2.{side} wing1.{side} {x} 0 0  {2 * x} 0 0"]
+    limbs = limbs_of_joints(joints_at(rows)).limbs
+    assert (limbs.chains, len(limbs.notes)) == ((), 1)
+
+
 def test_names_that_say_nothing_leave_it_to_the_shape():
     joints = [Joint(f"Bone.{i:03}", i - 1, np.array([0.0, i, 0]), NO_VERTICES) for i in range(7)]
     limbs = limbs_of_joints(joints).limbs

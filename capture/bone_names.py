@@ -49,6 +49,7 @@ _CORNERS = {f"{pair[0]}{side}": (pair, side) for pair in ("front", "back", "hind
 
 _WORD = re.compile("[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[0-9]+|[^ -~]+")
 _WORDS = {word: part for part, words in TABLE["words"].items() for word in words.split()}
+_ANYWHERE = {word: part for part, words in TABLE["anywhere"].items() for word in words.split()}
 _POINTS = {word: point for point, words in TABLE["points"].items() for word in words.split()}
 _KNOWN = _WORDS.keys() | _POINTS.keys()
 _DECORATION, _CONTROLS = (frozenset(TABLE["other"][kind].split()) for kind in ("decoration", "controls"))
@@ -196,7 +197,7 @@ def _without_shared_words(split: list[list[str]]) -> list[list[str]]:
     for end in (0, -1):
         counts = Counter(words[end] for words in split if words)
         word, count = max(counts.items(), key=lambda each: each[1], default=("", 0))
-        if count >= least and word not in _WORDS and word not in SIDES:
+        if count >= least and word not in _WORDS.keys() | _ANYWHERE.keys() | SIDES.keys():
             rest = slice(-1) if end else slice(1, None)
             return _without_shared_words([words[rest] if words[end:][:1] == [word] else words for words in split])
     return split
@@ -277,4 +278,5 @@ def _meaning(
                 part, quarter = said, which
             elif word in _PLACES:
                 part = said
+    part = part or next((_ANYWHERE[word] for word in words if word in _ANYWHERE), None)
     return JointMeaning(side, quarter, part) if part else None

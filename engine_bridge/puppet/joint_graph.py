@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -75,6 +75,7 @@ def joint_graph(joints: Sequence[Joint]) -> JointGraph | None:
     Joints without vertices below them are dropped, if others have vertices. Parents may follow their children.
     """
     meanings = joint_meanings([joint.name for joint in joints], [len(joint.vertices) > 0 for joint in joints])
+    joints = _without_ornaments(joints, meanings)
     holds = np.array([len(joint.vertices) > 0 for joint in joints], dtype=bool)
     if not holds.any():
         holds = np.array([not is_control(joint.name) for joint in joints], dtype=bool)
@@ -126,6 +127,19 @@ def joint_graph(joints: Sequence[Joint]) -> JointGraph | None:
         np.array([every.min(axis=0), every.max(axis=0)]),
     )
     return JointGraph(graph, chosen, own)
+
+
+def _without_ornaments(joints: Sequence[Joint], meanings: Sequence[JointMeaning | None]) -> list[Joint]:
+    """Return joints of which those of hair, clothes and the like hold nothing, nor do unknown ones that hang on them."""
+
+    def is_ornament(index: int) -> bool:
+        while index >= 0 and meanings[index] is None:
+            index = joints[index].parent
+        meaning = meanings[index] if index >= 0 else None
+        return meaning is not None and meaning.part == "ornament"
+
+    empty = np.zeros((0, 3))
+    return [replace(joint, vertices=empty) if is_ornament(index) else joint for index, joint in enumerate(joints)]
 
 
 def _root_at_fork(parents: dict[int, int], root: int) -> None:
@@ -189,7 +203,8 @@ def _hang(joints: Sequence[Joint], meanings: Sequence[JointMeaning | None], pare
             index for index in allowed.difference(parents.values()) if _is_end(meanings[tops[top]], meanings[index])
         ]
         contacts = sum((Counter(joints[index].contacts) for index in groups[top]), Counter[int]())
-        touched, whole = _touched(tops[top], ends or list(allowed), inner, contacts, held)
+        body = {index for index in inner if label is None or (labels[index], sides[index]) != (label, side)}
+        touched, whole = _touched(tops[top], ends or list(allowed), body, contacts, held)
         if parent >= 0 and whole:
             continue  # a foot is beyond the last joint of its leg, far from all others
         parents[top], joined = touched, group_of[touched]

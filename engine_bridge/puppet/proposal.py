@@ -45,6 +45,9 @@ MAX_OTHER_WAYS, MIN_WAY_PROBABILITY = 5, 0.01
 """Number of other ups and fronts that are tried for a shape without legs, or without arms on two legs, and their
 minimum probability."""
 
+OMITTED = ((), ("jaw",), ("left ear", "right ear"), ("tail",), ("left wing", "right wing"), ("left arm", "right arm"))
+"""Limbs without which the others are tried, if they cannot all be as they were found."""
+
 PLACEHOLDER_HANDLES = ({"name": "any", "position": (0.0, 0.0, 0.0)},)
 """Handles with which the rest of a puppet is checked before its own are known."""
 
@@ -154,12 +157,9 @@ def new_puppet(
         found = _limbs(rig, shape, surface, standing, notes)
         proposed = limb_tables(found, standing, _checked(plan, found)) if limbs else []
         tables = [limb.model_dump(exclude_none=True) for limb in proposed]
-        if tables and not places and not _is_valid(values | {"handle": [], "limb": tables}, surface):
-            tables = []
-            notes.append(
-                "The limbs that were found overlap or leave the mesh, so handles are proposed instead. If the "
-                "character has limbs, give their ends: --limb 'left leg=X,Y,Z' --limb 'right leg=X,Y,Z'"
-            )
+        if tables and not places:
+            tables, note = _valid(values | {"handle": []}, tables, surface)
+            notes += note
         values["limb"] = tables
         if not tables and not handles:
             at_ends = end_handles(found, surface, standing)
@@ -212,6 +212,21 @@ def _with_near_nodes(puppet: Puppet, character: CharacterMesh) -> Puppet:
         limbs = tuple(limb.model_copy(update={"nodes": None}) for limb in puppet.limb)
         return puppet.model_copy(update={"limb": limbs})
     return puppet
+
+
+def _valid(
+    values: dict[str, Any], tables: list[dict[str, Any]], surface: SolverMesh
+) -> tuple[list[dict[str, Any]], list[str]]:
+    """Return limbs that do not overlap and are inside the mesh, and a note if others were left out."""
+    for omitted in OMITTED:
+        rest = [table for table in tables if table["name"] not in omitted]
+        if len(rest) + len(omitted) == len(tables) and _is_valid(values | {"limb": rest}, surface):
+            note = f"{', '.join(omitted)} would overlap another limb or leave the mesh, and is left out."
+            return rest, [note] if omitted else []
+    return [], [
+        "The limbs that were found overlap or leave the mesh, so handles are proposed instead. If the "
+        "character has limbs, give their ends: --limb 'left leg=X,Y,Z' --limb 'right leg=X,Y,Z'"
+    ]
 
 
 def _is_valid(values: dict[str, Any], surface: SolverMesh) -> bool:

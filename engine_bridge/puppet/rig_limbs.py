@@ -39,6 +39,9 @@ MIN_LEG_BONE_SHARE = 0.08
 HEAD_PARTS = (None, "head", "ear", "eye", "jaw", "face")
 """Parts below the head that count for its size; None for hair and the like."""
 
+HEAD_SHARE = 0.3
+"""Minimum height of a head without a joint above the shoulders, as a share of the trunk's length."""
+
 MAX_WITHIN_SHARE = 0.05
 """Maximum distance from the trunk of the joint of a head that is within it, as a share of the trunk's length; the head
 then begins where the trunk ends."""
@@ -173,6 +176,8 @@ class _LimbReader:
         limbs = {"trunk": trunk} | self.head(trunk, head, found, lies or not paired)
         if "head" in limbs:
             limbs |= self.curved_pair("ear") | self.jaw()
+        elif not head and "left arm" in found and not lies:
+            limbs |= self.head_of_trunk(trunk)
         ordered = sorted(found, key=lambda name: (-_rank(name), name))
         limbs |= {name: found[name] for name in ordered}
         if tail:
@@ -369,6 +374,8 @@ class _LimbReader:
         else:
             low = self.place(0)
         high = self.place(neck) if neck is not None else np.mean(arms, axis=0) if arms else None
+        if high is not None and not (legs or tail or len(self.joints[0].vertices)):
+            low = self.bottom(high, head)
         if high is None or np.linalg.norm(high - low) < MIN_TRUNK_SHARE * self.graph.size:  # as of parts without places
             return None
         middle = (low + high) / 2
@@ -379,6 +386,25 @@ class _LimbReader:
         if np.linalg.norm(nearest - middle) > np.linalg.norm(high - low) / 4:
             nearest = middle
         return _Chain(np.array([low, nearest, high]))
+
+    def bottom(self, high: NDArray[np.float64], head: Sequence[int]) -> NDArray[np.float64]:
+        """Return the end of a trunk without legs and tail that is farthest from its other end."""
+        ends = self.graph.tips[self.of_trunk(head) or [0]]
+        return np.asarray(ends[np.linalg.norm(ends - high, axis=1).argmax()])
+
+    def head_of_trunk(self, trunk: _Chain) -> dict[str, _Chain]:
+        """Return the head of a body whose skeleton has no joint for it: what follows the trunk above the shoulders."""
+        held = [self.joints[node].vertices for node in self.of_trunk([])]
+        root, length = trunk.points[-1], np.linalg.norm(trunk.points[-1] - trunk.points[0])
+        over = (np.concatenate([np.zeros((0, 3)), *held]) - root) @ self.body.up
+        height = float(over.max(initial=0.0))
+        return {"head": _Chain(np.array([root, root + height * self.body.up]))} if height > HEAD_SHARE * length else {}
+
+    def of_trunk(self, head: Sequence[int]) -> list[int]:
+        """Return the nodes with vertices that are not on the head and the limbs of pairs."""
+        firsts = [*head[:1], *(node for _, pair in self.body.pairs for node in (pair.one, pair.other))]
+        beyond = {node for first in firsts for node in self.graph.subtrees[first]}
+        return [node for node in range(len(self.joints)) if node not in beyond and len(self.joints[node].vertices)]
 
     def necks(self, head: Sequence[int], limbs: dict[str, _Chain]) -> list[int]:
         """Return the joints of neck and head: those with such names, else those beyond the front limbs."""

@@ -49,7 +49,7 @@ _CORNERS = {f"{pair[0]}{side}": (pair, side) for pair in ("front", "back", "hind
 
 _WORD = re.compile("[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[0-9]+|[^ -~]+")
 _WORDS = {word: part for part, words in TABLE["words"].items() for word in words.split()}
-_ANYWHERE = {word: part for part, words in TABLE["anywhere"].items() for word in words.split()}
+_FINS, _ORNAMENTS = (frozenset(TABLE["anywhere"][kind].split()) for kind in ("wing", "ornament"))
 _POINTS = {word: point for point, words in TABLE["points"].items() for word in words.split()}
 _KNOWN = _WORDS.keys() | _POINTS.keys()
 _DECORATION, _CONTROLS = (frozenset(TABLE["other"][kind].split()) for kind in ("decoration", "controls"))
@@ -117,6 +117,14 @@ def joint_meanings(names: Sequence[str], moves_vertices: Sequence[bool] = ()) ->
     convention = _convention([(side, "".join(words)) for side, words in sided])
     moves = moves_vertices or [False] * len(names)
     return [_meaning(side, words, convention, moving) for (side, words), moving in zip(sided, moves, strict=True)]
+
+
+def ornaments(names: Sequence[str]) -> list[bool]:
+    """Return which joints' names say that they move hair, clothes or weapons, and nothing of a body."""
+    return [
+        meaning is None and not _ORNAMENTS.isdisjoint(_words(name))
+        for name, meaning in zip(names, joint_meanings(names, [True] * len(names)), strict=True)
+    ]
 
 
 def is_control(name: str) -> bool:
@@ -197,7 +205,7 @@ def _without_shared_words(split: list[list[str]]) -> list[list[str]]:
     for end in (0, -1):
         counts = Counter(words[end] for words in split if words)
         word, count = max(counts.items(), key=lambda each: each[1], default=("", 0))
-        if count >= least and word not in _WORDS.keys() | _ANYWHERE.keys() | SIDES.keys():
+        if count >= least and word not in _WORDS.keys() | SIDES.keys() | _ORNAMENTS:
             rest = slice(-1) if end else slice(1, None)
             return _without_shared_words([words[rest] if words[end:][:1] == [word] else words for words in split])
     return split
@@ -278,5 +286,5 @@ def _meaning(
                 part, quarter = said, which
             elif word in _PLACES:
                 part = said
-    part = part or next((_ANYWHERE[word] for word in words if word in _ANYWHERE), None)
+    part = part or ("wing" if _FINS & set(words) else None)
     return JointMeaning(side, quarter, part) if part else None

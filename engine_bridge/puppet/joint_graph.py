@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from capture.bone_names import LEG_PARTS, JointMeaning, is_control, joint_meanings
+from capture.bone_names import LEG_PARTS, JointMeaning, is_control, joint_meanings, ornaments
 from capture.channels import FINGERS
 from engine_bridge.puppet.skin_joints import Joint
 from solver.anatomy.body_graph import LABELS, BodyGraph
@@ -130,16 +130,20 @@ def joint_graph(joints: Sequence[Joint]) -> JointGraph | None:
 
 
 def _without_ornaments(joints: Sequence[Joint], meanings: Sequence[JointMeaning | None]) -> list[Joint]:
-    """Return joints of which those of hair, clothes and the like hold nothing, nor do unknown ones that hang on them."""
+    """Return joints of which those of hair, clothes and the like hold nothing, nor do unknown ones that hang on them.
 
-    def is_ornament(index: int) -> bool:
-        while index >= 0 and meanings[index] is None:
-            index = joints[index].parent
-        meaning = meanings[index] if index >= 0 else None
-        return meaning is not None and meaning.part == "ornament"
-
-    empty = np.zeros((0, 3))
-    return [replace(joint, vertices=empty) if is_ornament(index) else joint for index, joint in enumerate(joints)]
+    What carries a part of the body is none of them, whatever its name.
+    """
+    parents = {index: joint.parent for index, joint in enumerate(joints)}
+    carrying = {over for index, meaning in enumerate(meanings) if meaning for over in [index, *_above(parents, index)]}
+    named = ornaments([joint.name for joint in joints])
+    nothing = np.zeros((0, 3))
+    return [
+        replace(joint, vertices=nothing)
+        if index not in carrying and any(named[over] for over in [index, *_above(parents, index)])
+        else joint
+        for index, joint in enumerate(joints)
+    ]
 
 
 def _root_at_fork(parents: dict[int, int], root: int) -> None:
@@ -203,8 +207,8 @@ def _hang(joints: Sequence[Joint], meanings: Sequence[JointMeaning | None], pare
             index for index in allowed.difference(parents.values()) if _is_end(meanings[tops[top]], meanings[index])
         ]
         contacts = sum((Counter(joints[index].contacts) for index in groups[top]), Counter[int]())
-        body = {index for index in inner if label is None or (labels[index], sides[index]) != (label, side)}
-        touched, whole = _touched(tops[top], ends or list(allowed), body, contacts, held)
+        before = {index for index in inner if not _is_beyond(meanings[index], meanings[tops[top]])}
+        touched, whole = _touched(tops[top], ends or list(allowed), before, contacts, held)
         if parent >= 0 and whole:
             continue  # a foot is beyond the last joint of its leg, far from all others
         parents[top], joined = touched, group_of[touched]
@@ -240,6 +244,16 @@ def _is_end(foot: JointMeaning | None, leg: JointMeaning | None) -> bool:
         return False
     same = LABEL_OF.get(foot.part) == LABEL_OF.get(leg.part)
     return same and (foot.side, foot.quarter) == (leg.side, leg.quarter)
+
+
+def _is_beyond(one: JointMeaning | None, other: JointMeaning | None) -> bool:
+    """Return whether names say that one joint is farther down the same limb than another."""
+    label = LABEL_OF.get(one.part) if one else None
+    if one is None or other is None or label is None or LABEL_OF.get(other.part) != label:
+        return False
+    order = PARTS[label]
+    same = one.side is not None and (one.side, one.quarter) == (other.side, other.quarter)
+    return same and order.index(one.part) > order.index(other.part)
 
 
 def _held(joints: Sequence[Joint], indices: Sequence[int]) -> int:

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,9 +50,11 @@ def joints_of(character: CharacterMesh) -> list[Joint]:
     """
     document = character.document
     gltf = document.gltf
-    nodes = sorted(character.joints) or [index for index, node in enumerate(gltf["nodes"]) if node.get("name")]
-    vrm = _vrm_names(document)
     parents = {child: index for index, node in enumerate(gltf["nodes"]) for child in node.get("children", [])}
+    shown = _shown(gltf["nodes"])
+    named = [index for index, node in enumerate(gltf["nodes"]) if node.get("name") and index not in shown]
+    nodes = sorted(character.joints) or named
+    vrm = _vrm_names(document)
     number = {node: index for index, node in enumerate(nodes)}
 
     def joint_at(node: int | None) -> int:
@@ -81,6 +84,16 @@ def joints_of(character: CharacterMesh) -> list[Joint]:
     return joints
 
 
+def _shown(nodes: Sequence[Mapping[str, Any]]) -> set[int]:
+    """Return the nodes that only show a mesh, each the only such child of a node without one: a bone shows it."""
+    found = set[int]()
+    for node in nodes:
+        meshes = [child for child in node.get("children", []) if "mesh" in nodes[child]]
+        if node.get("name") and "mesh" not in node and len(meshes) == 1 and not nodes[meshes[0]].get("children"):
+            found.add(meshes[0])
+    return found
+
+
 def part_nodes(character: CharacterMesh) -> list[int]:
     """Return the nodes that show the parts of a character."""
     return sorted({part.node for part in character.parts})
@@ -94,11 +107,14 @@ def are_nested(character: CharacterMesh) -> bool:
 
 
 def parts_above(character: CharacterMesh, nodes: Sequence[int]) -> list[int]:
-    """Return the row of the nearest shown node above each one, −1 for none."""
-    rows, found = {node: row for row, node in enumerate(nodes)}, dict[int, int]()
+    """Return the row of the nearest shown node above each one, −1 for none; a bone may show it."""
+    shown = _shown(character.document.gltf["nodes"])
+    bones = {node: parent for node, parent in tree(character.document) if parent is not None and node in shown}
+    own = [bones.get(node, node) for node in nodes]
+    rows, found = {node: row for row, node in enumerate(own)}, dict[int, int]()
     for node, parent in tree(character.document):
         found[node] = -1 if parent is None else rows.get(parent, found[parent])
-    return [found[node] for node in nodes]
+    return [found[node] for node in own]
 
 
 def _contacts(triangles: NDArray[np.int64], count: int) -> list[Counter[int]]:

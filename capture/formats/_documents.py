@@ -23,28 +23,25 @@ from puppetline.errors import SkeletonLogError, at
 _PART = re.compile(r'[()]|"[^"]*"|[^\s()"]+')
 _LISTS = re.compile(rb"[^\n]*\(\s*\w+\s+\(")
 _POINTS_IN_A_CELL = re.compile(rb'\n[^\n]*?"(\[\s*\[[^"{]*\]\s*\])"')
-_GLTF = re.compile(rb'\{.*"(?:accessors"|bufferViews"|asset"\s*:\s*\{)', re.DOTALL)
 _POINT = re.compile(rb"\[[^\[\],]+,[^\[\],]+,([^\[\]]+)\]")
 _SHARE = re.compile(rb"\s*(0?\.\d+|[01](\.0*)?)\s*")
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+
+GLTF = rb'(?:\xef\xbb\xbf)?\s*\{.*"(?:accessors"|bufferViews"|asset"\s*:\s*\{)'
+"""Pattern of the head of a glTF file as text, whose nodes have the names of joints too."""
 
 MAX_DEPTH = 200
 """Largest number of levels of a document."""
 
 
 def is_document(head: bytes) -> bool:
-    """Return whether a file's head is that of JSON, XML, bracketed lists, or CSV with lists of points in cells."""
+    """Return whether a file's head is that of JSON (not glTF), XML, bracketed lists, or CSV with points in cells."""
     start = head.removeprefix(b"\xef\xbb\xbf").lstrip()
     is_page = re.match(rb"<(!doctype|html)", start, re.IGNORECASE) is not None
     is_marked = start[:1] in (b"{", b"[", b"<") and not is_page
-    if is_gltf(head):
+    if re.match(GLTF, head, re.DOTALL):
         return False
     return is_marked or _LISTS.match(start) is not None or _has_points_in_cells(start)
-
-
-def is_gltf(head: bytes) -> bool:
-    """Return whether a file's head is that of a glTF file as text, whose nodes have the names of joints too."""
-    return _GLTF.match(head.removeprefix(b"\xef\xbb\xbf").lstrip()) is not None
 
 
 def _has_points_in_cells(start: bytes) -> bool:

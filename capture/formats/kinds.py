@@ -4,7 +4,7 @@ import re
 import zipfile
 from pathlib import Path
 
-from capture.formats._documents import is_gltf
+from capture.formats._documents import GLTF
 from capture.formats._files import HEAD_BYTES, opened
 from capture.formats._json import load
 from capture.formats._rows import whole_lines
@@ -35,6 +35,7 @@ _KINDS: tuple[tuple[bytes, str, str], ...] = (
     (rb"\x89PNG|\xff\xd8\xff|GIF8|BM|RIFF....WEBP", "a picture", "Use a recording, or a video of a performer."),
     (rb"RIFF....WAVE|ID3|OggS|fLaC", "a sound", "Use a recording of joints, or a video of a performer."),
     (rb'"?\[+\s*-?[\d.]+(e[-+]?\d+)?\s+-?[\d.]', "arrays as NumPy prints them", _AS_NUMBERS),
+    (rb"glTF|" + GLTF, "a glTF file", "Use it as a character; export its motion as BVH to use it as a recording."),
     (rb"\xd0\xcf\x11\xe0", "an Office file", "Save the sheet as CSV."),
     (rb"%PDF", "a PDF", EXPORT),
 )
@@ -75,8 +76,6 @@ def _describe(path: Path, head: bytes) -> tuple[str, str]:
         if re.match(pattern, head, re.DOTALL):
             record = f"puppetline record --source video:{path.name} -o take.log"
             return found, fix or f"Use it in puppetline convert or animate, or record the performer in it: {record}."
-    if head.startswith(b"glTF") or is_gltf(head):
-        return "a glTF file", "Use it as a character; export its motion as BVH to use it as a recording."
     if b"\0" in head or _is_binary(head):
         return "a binary file of an unknown kind", EXPORT
     if head.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] in (b"{", b"["):

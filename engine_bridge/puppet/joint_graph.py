@@ -161,7 +161,7 @@ def _hang(joints: Sequence[Joint], meanings: Sequence[JointMeaning | None], pare
 
     Feet with inverse kinematics hang on the root, and parts of an armature may have no parent. Joints that share
     triangles touch; of other joints, those whose vertices are nearest do. A root at the place of another joint hangs on
-    that. The largest branch is the body, and stays where it is.
+    that. The largest branch that is no arm or leg is the body, and stays where it is.
     """
     sides = [_side(meaning) for meaning in meanings]
     labels = [LABEL_OF.get(meaning.part) if meaning else None for meaning in meanings]
@@ -182,7 +182,7 @@ def _hang(joints: Sequence[Joint], meanings: Sequence[JointMeaning | None], pare
     group_of = {index: top for top, group in groups.items() for index in group}
     held = {index: _thinned(joints[index].vertices) for index in group_of if len(joints[index].vertices)}
     size = float(np.ptp(np.concatenate(list(held.values())), axis=0).max())
-    main = max(groups, key=lambda top: _held(joints, groups[top]))
+    main = max(groups, key=lambda top: (labels[tops[top]] not in ("arm", "leg"), _held(joints, groups[top])))
     for top in sorted(groups, key=lambda top: _held(joints, groups[top])):
         parent, own = parents[top], group_of[top]
         near = parent >= 0 and np.linalg.norm(joints[top].place - joints[parent].place) < NEAR_SHARE * size
@@ -193,9 +193,8 @@ def _hang(joints: Sequence[Joint], meanings: Sequence[JointMeaning | None], pare
             if group_of.get(index) != own
             and side * sides[index] >= 0
             and labels[index] in (None, "trunk", label or labels[index])
-            and not (
-                index in firsts and label and meanings[index] == meanings[tops[top]]
-            )  # two whole limbs of one name
+            and not (index in firsts and label and meanings[index] == meanings[tops[top]])  # two limbs of one name
+            and not _is_beyond(meanings[index], meanings[tops[top]])
         }
         same = [each for each in allowed if np.allclose(joints[each].place, joints[top].place, 0, SAME_SHARE * size)]
         if parent < 0 and top != main and same:
@@ -207,8 +206,7 @@ def _hang(joints: Sequence[Joint], meanings: Sequence[JointMeaning | None], pare
             index for index in allowed.difference(parents.values()) if _is_end(meanings[tops[top]], meanings[index])
         ]
         contacts = sum((Counter(joints[index].contacts) for index in groups[top]), Counter[int]())
-        before = {index for index in inner if not _is_beyond(meanings[index], meanings[tops[top]])}
-        touched, whole = _touched(tops[top], ends or list(allowed), before, contacts, held)
+        touched, whole = _touched(tops[top], ends or list(allowed), inner, contacts, held)
         if parent >= 0 and whole:
             continue  # a foot is beyond the last joint of its leg, far from all others
         parents[top], joined = touched, group_of[touched]
@@ -247,12 +245,16 @@ def _is_end(foot: JointMeaning | None, leg: JointMeaning | None) -> bool:
 
 
 def _is_beyond(one: JointMeaning | None, other: JointMeaning | None) -> bool:
-    """Return whether names say that one joint is farther down the same limb than another."""
-    label = LABEL_OF.get(one.part) if one else None
-    if one is None or other is None or label is None or LABEL_OF.get(other.part) != label:
+    """Return whether names say that one joint is farther down the same limb than another.
+
+    Beside a thigh, a leg is the shin; beside other joints, it may be any part of a leg.
+    """
+    if one is None or other is None or one.side is None or other.part == "leg":
         return False
-    order = PARTS[label]
-    same = one.side is not None and (one.side, one.quarter) == (other.side, other.quarter)
+    label, order = LABEL_OF.get(one.part), (*ARM_PARTS, *LEG_PARTS)
+    if label not in ("arm", "leg") or label != LABEL_OF.get(other.part):
+        return False
+    same = (one.side, one.quarter) == (other.side, other.quarter)
     return same and order.index(one.part) > order.index(other.part)
 
 

@@ -290,16 +290,16 @@ class LimbReader:
         arms = [limbs[name].points[0] for name in limbs if name.endswith(("arm", "front leg", "leg 1", "wing"))]
         ways = self.necks(head, limbs)
         neck = ways[0] if ways and not (arms and self.part(ways[0]) == "head") else None
+        high = self.place(neck) if neck is not None else np.mean(arms, axis=0) if arms else None
+        if high is None:
+            return None
         if legs:
             low = np.mean(legs, axis=0)
         elif tail:
             low = self.place(self.told("tail", tail)[0])  # a snake's body leads on into its tail
         else:
-            low = self.place(0)
-        high = self.place(neck) if neck is not None else np.mean(arms, axis=0) if arms else None
-        if high is not None and not (legs or tail or len(self.joints[0].vertices)):
             low = self.bottom(high, head)
-        if high is None or np.linalg.norm(high - low) < MIN_TRUNK_SHARE * self.graph.size:  # as of parts without places
+        if np.linalg.norm(high - low) < MIN_TRUNK_SHARE * self.graph.size:  # as of parts without places
             return None
         middle = (low + high) / 2
         spine = [self.place(node) for node in np.flatnonzero(self.graph.votes[:, LABELS.index("trunk")]).tolist()]

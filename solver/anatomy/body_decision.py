@@ -268,6 +268,7 @@ class View:
             start, end = self.axes @ graph.places[way[0]], self.axes @ graph.tips[way[-1]]
             length, below = max(float(graph.reach[way[0]]), 1e-3 * size), graph.subtrees[way[0]]
             run = (end - start) / length
+            carries = any(shape.rest[0] > LIMB_SHARE for shape in self.shapes if shape.pair.one in below)
             rest = [
                 (end[1] - self.low[1]) / self.height,
                 (end[2] - middle[2]) / size,
@@ -278,9 +279,9 @@ class View:
                 graph.masses[below].sum(),
                 abs(end[0] - aside) / size,
                 float(graph.faces[below].any()),
-                float(any(shape.rest[0] > LIMB_SHARE for shape in self.shapes if shape.pair.one in below)),
+                float(carries),
             ]
-            rows.append([[1.0, _said(graph, way, label, beyond=True), *rest] for label in SINGLE_LABELS])
+            rows.append([[1.0, _said(graph, way, label, beyond=not carries), *rest] for label in SINGLE_LABELS])
         return np.array(rows, dtype=float).reshape(-1, len(SINGLE_LABELS), len(SINGLE_MEASURES))
 
     def pair_measures(self, head: int) -> NDArray[np.float64]:

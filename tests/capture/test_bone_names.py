@@ -2,7 +2,16 @@
 
 import pytest
 
-from capture.bone_names import MIDDLE_PARTS, SIDE_PARTS, TABLE, JointMeaning, bone_name, find_bones, joint_meanings
+from capture.bone_names import (
+    MIDDLE_PARTS,
+    SIDE_PARTS,
+    TABLE,
+    JointMeaning,
+    bone_name,
+    find_bones,
+    joint_meanings,
+    ornaments,
+)
 
 from ..integrations.bone_names import CONVENTIONS, FINGERS, SYNONYMS
 
@@ -63,6 +72,18 @@ def test_parts_of_a_character_may_say_where_they_are_and_how_they_collide():
     names = ["eye_left_front", "tail_back", "left_arm-col.004", "muzzle_front", "hair_back"]
     parts = [("left", "eye"), (None, "tail"), ("left", "upperArm"), (None, "face")]
     assert joint_meanings(names) == [*(JointMeaning(side, None, part) for side, part in parts), None]
+
+
+def test_fins_and_ornaments_may_have_other_words_in_their_names():
+    names = ["fin_peck.L", "B_Hair_12_031", "shellFront.R", "head.hair", "neck"]
+    meanings = joint_meanings(names)
+    assert meanings == [JointMeaning("left", None, "wing"), None, None, None, JointMeaning(None, None, "neck")]
+    assert ornaments(names) == [False, True, True, True, False]
+    assert ornaments([f"B_Hair_{number}" for number in range(9)]) == [True] * 9  # a word of all says it as well
+
+
+def test_a_letter_may_count_limbs():
+    assert joint_meanings(["leg_a_1_l", "leg_d_2_r"]) == [JointMeaning(side, None, "leg") for side in BOTH]
 
 
 def test_controls_count_where_vertices_follow_them():

@@ -9,7 +9,7 @@ from engine_bridge.puppet.limb_nodes import node_labels
 from engine_bridge.puppet.part_joints import part_joints, without_ornaments
 from engine_bridge.puppet.rig_bones import rig_bones
 from engine_bridge.puppet.rig_limbs import rig_limbs
-from engine_bridge.puppet.skin_joints import are_nested
+from engine_bridge.puppet.skin_joints import are_nested, joints_of
 from solver.motion.limbs import TRUNK, Limb
 
 from ..character.conftest import QUADS, VERTICES
@@ -173,6 +173,20 @@ def test_nested_parts_hang_as_the_file_says(glb, build, tmp_path):
     for name in ("body", "arm", "hand"):
         parent = glb.node(mesh, parent=parent, name=name)
     assert are_nested(load_character(glb.save(tmp_path / "nested.glb")))
+
+
+def test_bones_that_show_their_parts_are_their_joints(glb, tmp_path):
+    mesh, bone, places = glb.mesh(glb.primitive(VERTICES, np.array([[0, 1, 2], [4, 6, 5]]))), None, []
+    for number, name in enumerate(("body", "arm_left", "hand_left")):
+        bone = glb.node(parent=bone, name=name, translation=[number, 0, 0])
+        glb.node(mesh, parent=bone, name=f"Object_{number}")
+        places.append([number * (number + 1) / 2, 0, 0])
+    character = load_character(glb.save(tmp_path / "bones.glb"))
+    assert are_nested(character)
+    joints = [joint for joint in joints_of(character) if len(joint.vertices)]
+    assert [joint.name for joint in joints] == ["body", "arm_left", "hand_left"]
+    assert_allclose([joint.place for joint in joints], places)
+    assert all(len(joint.vertices) == len(joints[0].vertices) for joint in joints)
 
 
 def test_a_part_has_the_name_of_a_node_that_holds_nothing_else(glb, tmp_path):

@@ -185,6 +185,15 @@ def test_limbs_that_overlap_or_leave_the_mesh_are_replaced_by_handles(blob_file,
     assert (made.puppet.limb, len(made.notes)) == ((), 1)
 
 
+def test_a_limb_that_overlaps_another_one_is_left_out_if_the_others_stay(blob_file, tmp_path, monkeypatch):
+    found = proposal.find_limbs(load_character(blob_file).solver_mesh(), np.eye(3))
+    jaw = LimbChain("jaw", found.points["head"])
+    monkeypatch.setattr(proposal, "find_limbs", lambda *_: Limbs((*found.chains, jaw)))
+    made = new_puppet(blob_file, tmp_path / "a.toml", up="y", front="z")
+    assert {limb.name for limb in made.puppet.limb} == PERSON.keys()
+    assert made.notes == ("jaw would overlap another limb or leave the mesh, and is left out.",)
+
+
 @pytest.mark.parametrize(
     ("given", "place"),
     [

@@ -484,6 +484,91 @@ def test_joints_at_one_place_are_no_trunk():
     assert (limbs.chains, len(limbs.notes)) == ((), 1)
 
 
+def person_rows():
+    """Return rows for `joints_at` of a person whose joints have places that follow them."""
+    rows = ["hips - 0 1 0", "chest hips 0 1.4 0", "head chest 0 1.6 0  0 1.9 0"]
+    for side, x in (("l", 1), ("r", -1)):
+        rows += [
+            f"arm_{side} chest {0.2 * x} 1.4 0",
+            f"forearm_{side} arm_{side} {0.5 * x} 1.4 0",
+            f"hand_{side} forearm_{side} {0.75 * x} 1.4 0  {0.9 * x} 1.4 0",
+            f"thigh_{side} hips {0.1 * x} 0.95 0",
+            f"shin_{side} thigh_{side} {0.1 * x} 0.5 0",
+            f"foot_{side} shin_{side} {0.1 * x} 0.1 0  {0.1 * x} 0 0.2",
+        ]
+    return rows
+
+
+def test_hair_and_skirts_are_no_limbs():
+    rows = person_rows()
+    expected = limbs_of_joints(joints_at(rows)).limbs.points
+    for number, x in enumerate((0.25, -0.25)):
+        rows += [
+            f"Skirt_{number} hips {x} 0.9 -0.1  {x} 0.9 -0.1",
+            f"Bone.{number} Skirt_{number} {x} 0.5 -0.2  {1.2 * x} 0.1 -0.2",
+            f"hair.{number} head {0.3 * x} 1.8 -0.1  {x} 1.2 -0.3",
+        ]
+    found = limbs_of_joints(joints_at(rows)).limbs.points
+    assert found.keys() == expected.keys()
+    for name, line in expected.items():
+        assert_allclose(found[name], line)
+
+
+def test_a_body_with_the_name_of_an_ornament_carries_its_legs():
+    assert (
+        "left hind leg" in limbs_of_joints(joints_at([row.replace("pelvis", "wool") for row in FOUR_LEGS])).limbs.points
+    )
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_parts_of_a_limb_that_all_hang_on_the_root_are_one_limb(seed):
+    """As in exports of Auto-Rig Pro, whose stretched joints have no parents but a control. A hand may hold a weapon."""
+    person = [row + 40 * row[-12:] if row.startswith("forearm_r") else row for row in person_rows()]
+    expected = limbs_of_joints(joints_at(person)).limbs.points
+    rows = ["c_traj - 0 0 0", *person]
+    joints = joints_at([row.replace("hips - ", "hips c_traj ") for row in rows])
+    flat = {f"{name}_{side}" for name in ("forearm", "shin", "foot") for side in "lr"}
+    made = [
+        replace(
+            joint,
+            name=joint.name.replace("_", "_stretch_", 1) if joint.parent > 0 else joint.name,
+            parent=0 if joint.name in flat else joint.parent,
+            contacts={joint.parent: 9} | {k: 9 for k, other in enumerate(joints) if other.parent == number},
+        )
+        for number, joint in enumerate(joints)
+    ]
+    made[0] = replace(made[0], vertices=NO_VERTICES)
+    order = np.random.default_rng(seed).permutation(len(made))
+    place = {int(old): new for new, old in enumerate(order)}
+    mixed = [
+        replace(
+            made[old],
+            parent=place.get(made[old].parent, -1),
+            contacts={place[k]: n for k, n in made[old].contacts.items() if k in place},
+        )
+        for old in order.tolist()
+    ]
+    found = limbs_of_joints(mixed).limbs.points
+    assert found.keys() == expected.keys()
+    for name, line in expected.items():
+        assert_allclose(found[name], line)
+
+
+def test_a_head_without_a_joint_is_what_is_above_the_shoulders():
+    rows = [row for row in person_rows() if not row.startswith("head")]
+    rows[1] += "  0 1.9 0"
+    points = limbs_of_joints(joints_at(rows)).limbs.points
+    assert_allclose(points["head"], [[0, 1.4, 0], [0, 1.9, 0]])
+
+
+def test_the_trunk_of_a_body_that_floats_ends_in_it_and_not_at_the_root_on_the_floor():
+    rows = ["Root - 0 0 0", *(row.replace("hips - ", "body Root ").replace("hips", "body") for row in person_rows())]
+    rows = [row for row in rows if not row.startswith(("thigh", "shin", "foot"))]
+    joints = joints_at(rows)
+    joints[0] = replace(joints[0], vertices=NO_VERTICES)
+    assert_allclose(limbs_of_joints(joints).limbs.points["trunk"][0], (0, 1, 0))
+
+
 def test_names_that_say_nothing_leave_it_to_the_shape():
     joints = [Joint(f"Bone.{i:03}", i - 1, np.array([0.0, i, 0]), NO_VERTICES) for i in range(7)]
     limbs = limbs_of_joints(joints).limbs

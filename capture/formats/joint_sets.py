@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from capture.formats import image_positions
 from capture.formats.layouts import HOLISTIC, JOINT_SETS
 from capture.formats.placement import bone_length
-from capture.formats.positions import select
+from capture.formats.positions import is_person, select
 from capture.formats.proportions import MAX_BONE_RATIO, bone_ratios, refuse_flat
 from capture.skeleton import JOINT_INDEX, PARENTS
 from puppetline.errors import SkeletonLogError
@@ -37,6 +37,10 @@ _LEFT, _RIGHT = ([index for index, joint in enumerate(PARENTS) if joint.endswith
 
 CLEAR_RATIO = 1.15
 """How much worse the next best set must be."""
+
+
+_OTHERS = {21: "a hand", 42: "two hands", 68: "a face", 468: "a face", 478: "a face"}
+"""What else has so many points in common trackers."""
 
 
 class Fit(NamedTuple):
@@ -136,11 +140,50 @@ def joint_set(path: Path, positions: Floats, chosen: str | None = None, found: s
         refuse_flat(path, np.where(at_zero, np.nan, positions))
         raise SkeletonLogError(
             path,
-            found=f"{found} of {count} joints without names, in no order that gives a person",
+            found=f"{found} of {count} joints without names, in no order that gives a person{as_of(count)}",
             expected=f"a person in the order of {' or '.join(names)}" if names else "joints in a known order",
             fix="Name the order with --joints, or the columns with --columns.",
         )
     return clearest(path, best, f"{found} of {count} joints").name
+
+
+def numbered(
+    path: Path, numbers: Sequence[int], positions: Floats, chosen: str | None = None, found: str = "positions"
+) -> tuple[list[str], list[int]]:
+    """Return the names of joints with numbers, in the order of the numbers, and the order itself.
+
+    The numbers count a set's joints from 0 or 1, or are those of some of its joints from 0. The parameters are those of
+    `joint_set`, whose errors are raised; `positions` are in the order of `numbers`.
+    """
+    order = sorted(range(len(numbers)), key=numbers.__getitem__)
+    own, points = [numbers[index] for index in order], positions[:, order]
+    count = len(own)
+    if own in (list(range(count)), list(range(1, count + 1))) and any(
+        len(each) == count for each in JOINT_SETS.values()
+    ):
+        return list(JOINT_SETS[joint_set(path, points, chosen, found)]), order
+    sets = {name: joints for name, joints in JOINT_SETS.items() if len(joints) > own[-1] and chosen in (None, name)}
+    names = [name for name, joints in sets.items() if is_person([joints[k] for k in own])]
+    fitting = []
+    for name in names if len(names) > 1 else []:
+        whole = np.full((len(points), len(JOINT_SETS[name]), 3), np.nan)
+        whole[:, own] = points
+        fitting += fits(whole, [name])
+    if fitting:
+        names = [clearest(path, fitting, f"{found} of joints with numbers").name]
+    if len(names) != 1:
+        raise SkeletonLogError(
+            path,
+            found=f"{found} of joints with the numbers {', '.join(map(str, own))[:80]}, which are no person's",
+            expected=f"a person in the order of {' or '.join(names)}" if names else "joints in a known order",
+            fix="Name the order with --joints, or the columns with --columns.",
+        )
+    return [JOINT_SETS[names[0]][k] for k in own], order
+
+
+def as_of(count: int) -> str:
+    """Return what is no person and has so many points in common trackers, for messages; "" if nothing is known."""
+    return f", as {_OTHERS[count]} has" if count in _OTHERS else ""
 
 
 def clearest(path: Path, found: Sequence[Fit], what: str) -> Fit:

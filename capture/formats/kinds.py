@@ -37,6 +37,9 @@ _KINDS: tuple[tuple[bytes, str, str], ...] = (
     (rb"glTF", "a glTF file", "Use it as a character; export its motion as BVH to use it as a recording."),
     (rb"\xd0\xcf\x11\xe0", "an Office file", "Save the sheet as CSV."),
     (rb"%PDF", "a PDF", EXPORT),
+    (rb"PAR1", "a Parquet file", "In Python, write it as a table: pandas.read_parquet(path).to_csv(…)."),
+    (rb"SQLite format 3", "an SQLite database", EXPORT),
+    (rb"\x00\x05\x16\x07", "a companion file of macOS, without the recording", "Use the file without ._ in its name."),
 )
 
 

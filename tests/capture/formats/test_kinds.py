@@ -17,6 +17,8 @@ CONTENTS = {
     "web page": b"\n<!DOCTYPE html><html>",
     "Git LFS": b"version https://git-lfs.github.com/spec/v1\noid sha256:00\n",
     "HDF5": b"\x89HDF\r\n\x1a\n" + bytes(99),
+    "Parquet": b"PAR1\x15\x04" + bytes(99),
+    "companion file of macOS": b"\0\5\x16\7\0\2\0\0Mac OS X        " + bytes(99),
     "picture": b"\x89PNG\r\n\x1a\n" + bytes(99),
     "keys name, version": b'{"name": 1, "version": 2}',
     "columns day, open, close": b"day,open,close\n1,2,3\n2,3,4\n",

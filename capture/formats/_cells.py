@@ -32,11 +32,14 @@ UNKNOWN = frozenset(("", "nan", "null", "none", "na", "n/a", "-", "inf", "-inf",
 _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _LABELLED = rf"(?:['\"]?[A-Za-z]+['\"]?\s*[:=]\s*)?{_NUMBER}"
 _NUMBERS = re.compile(_NUMBER)
-_VECTOR = re.compile(rf"(?:[A-Za-z]*[\[({{<])*\s*{_LABELLED}(?:[\s,;]+{_LABELLED}){{2,6}}\s*[\])}}>]*")
+_VECTOR = re.compile(rf"(?:[A-Za-z]*[\[({{<])*\s*{_LABELLED}(?:[\s,;]+{_LABELLED}){{2,}}\s*[\])}}>]*")
 _PAIR = re.compile(rf"[\[(]\s*{_NUMBER}\s*,\s*{_NUMBER}\s*[\])]")
 _TOKENS = re.compile(rf"(?<![\w.]){_NUMBER}(?![\w.])|[A-Za-z]\w*")
 SENTENCES_SHARE = 0.8
 """Smallest share of the lines of a text that have the same words and numbers in the same order."""
+
+MAX_POINT_NUMBERS = 7
+"""Largest number of numbers of a point in a cell; more are those of all points."""
 
 PARTS = ("x", "y", "z", "visibility")
 """Names of the numbers in a cell; others have none."""
@@ -89,7 +92,7 @@ def number(cell: str) -> float | None:
 
 
 def vector(cell: str) -> list[float] | None:
-    """Return the numbers of a cell such as ``(0.1, 1.2)`` or ``x: 0.1 y: 1.2 z: 3``; None if it has not 2 to 7."""
+    """Return the numbers of a cell such as ``(0.1, 1.2)`` or ``x: 0.1 y: 1.2 z: 3``; None if it has one."""
     parts = _parts(cell)
     return None if parts is None else [float(each) for each in parts]
 
@@ -155,8 +158,12 @@ def _with_a_number_per_cell(
     if len(origin) == len(names):
         return names, [row[: len(names)] for row in rows], origin
     parts = [k for size in sizes for k in range(size)]
+
+    def is_point(column: int) -> bool:
+        return sizes[column] <= MAX_POINT_NUMBERS
+
     named = [
-        [*names[column], *PARTS[k : k + 1]] if sizes[column] > 1 else names[column]
+        names[column] if sizes[column] == 1 else [*names[column], *PARTS[k : k + 1]] if is_point(column) else []
         for column, k in zip(origin, parts, strict=True)
     ]
     split_rows = []

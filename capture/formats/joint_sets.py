@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.formats import image_positions
+from capture.formats.clips import refuse_nobody
 from capture.formats.layouts import HOLISTIC, JOINT_SETS
 from capture.formats.placement import bone_length
 from capture.formats.positions import is_person, select
@@ -136,6 +137,7 @@ def joint_set(path: Path, positions: Floats, chosen: str | None = None, found: s
         return names[0]
     best = fits(positions, names)
     if not best:
+        refuse_nobody(path, positions)
         at_zero = (positions[..., :2] == 0).all(axis=2, keepdims=True)  # lost ones, of which only the score may differ
         refuse_flat(path, np.where(at_zero, np.nan, positions))
         raise SkeletonLogError(

@@ -174,9 +174,11 @@ def numbered(
     if fitting:
         names = [clearest(path, fitting, f"{found} of joints with numbers").name]
     if len(names) != 1:
+        is_whole = own == list(range(own[0], own[0] + count))
+        listed = f"{own[0]} to {own[-1]}" if is_whole else ", ".join(map(str, own))[:80]
         raise SkeletonLogError(
             path,
-            found=f"{found} of joints with the numbers {', '.join(map(str, own))[:80]}, which are no person's",
+            found=f"{found} of joints with the numbers {listed}, which are no person's",
             expected=f"a person in the order of {' or '.join(names)}" if names else "joints in a known order",
             fix="Name the order with --joints, or the columns with --columns.",
         )

@@ -13,7 +13,7 @@ from capture.formats.options import ReadOptions
 from puppetline.errors import SkeletonLogError
 
 MIN_POINTS = 6
-"""Number of points in a line from which they are those of a body."""
+"""Number of points, or of names of columns, in a line from which they are those of a body."""
 
 EXPECTED = "a recording of a person's joints: BVH, a table, an array, JSON of a tracker or sensor, or a take"
 """What `puppetline` reads, for messages."""
@@ -102,17 +102,17 @@ def _text(path: Path, head: bytes) -> tuple[str, str]:
     except SkeletonLogError as error:
         place = error.where.removeprefix(str(path)).removeprefix(", ")
         if place:
-            return f"a table in which {place} has {error.found} instead of {error.expected}", error.fix
+            return f"a table in which {place} has {error.found} instead of {error.expected}", EXPORT
         if error.expected != ROWS:
             return error.found, error.fix
     else:
         return "a table of positions that are no person's", EXPORT
     first, *others = (line.strip() for line in head_lines(head, 60))
     rows = [re.split("[,;\t|]", line) for line in (first, *others)]
-    is_table = len(rows) > 2 and len(rows[0]) > 1 and len({len(row) for row in rows[:-1]}) == 1
+    is_table = len(rows[0]) >= MIN_POINTS or (len(rows) > 2 and {len(rows[0])} == {*map(len, rows[:-1])} != {1})
     if is_table and not any(number(cell) is not None for cell in rows[0] if cell):
-        listed = ", ".join(rows[0][:12])
-        return f"a table with the columns {listed}{' …' if len(rows[0]) > 12 else ''}", f"{EXPORT} {NAME_COLUMNS}"
+        listed = f"{', '.join(rows[0][:12])}{' …' if len(rows[0]) > 12 else ''}"
+        return f"a table with the columns {listed}, without rows of three numbers", f"{EXPORT} {NAME_COLUMNS}"
     return f"text with lines such as {first[:60]!r}{'…' if len(first) > 60 else ''}", EXPORT
 
 

@@ -111,6 +111,8 @@ def _described(document: Any) -> tuple[str, bool]:
     """Return what a document without a person has, for messages, and whether these are positions in an image."""
     groups: Counter[tuple[int, int]] = Counter()
     for value in islice(_containers(document), MAX_CONTAINERS):
+        if isinstance(value, dict) and any(re.search("2d", str(key), re.IGNORECASE) for key in value):
+            return " with positions in an image (2D)", True
         each = list(value.values()) if isinstance(value, dict) else value
         sizes = [2 if _is_flat(point) else 3 if _point(point) not in (None, _LOST) else 0 for point in each]
         if all(map(_is_number, each)) and len(each) % 2 == 0 and len(each) // 2 in _SIZES:
@@ -119,10 +121,11 @@ def _described(document: Any) -> tuple[str, bool]:
     count, size = max(groups, default=(0, 0))
     if size == 2:
         return " with positions in an image (2D)", True
-    if size == 3:
-        return f" of {count} points{as_of(count) or ' that are no person'}", False
+    if size == 3 and as_of(count):
+        return f" of {count} points{as_of(count)}", False
+    points = f"with {count} points that are no person's" if size == 3 else "without positions in space"
     keys = f" with the keys {', '.join(map(str, list(document)[:8]))}" if isinstance(document, dict) else ""
-    return f"{keys or f', a list of {len(document):,}'}, without positions in space", False
+    return f"{keys or f', a list of {len(document):,}'}, {points}", False
 
 
 def _containers(value: Any) -> Iterator[Any]:

@@ -27,6 +27,7 @@ CONTENTS = {
     "no z": b"time,left_shoulder_x,left_shoulder_y\n1,2,3\n2,3,4\n",
     "lines such as 'some notes'": b"some notes\n",
     "columns Time (s), Motion": b"Time (s),Motion\n0.0,1.5\n1.0,1.25\n2.0,1.5\n",
+    "a, b, c, d, e, f, without rows of three numbers": b"a,b,c,d,e,f\n",
     "columns day, name, remark": b"day,name,remark\n1,a,b c\n2,d,e f\n3,g,h\n",
     "9 × 2 numbers in a line: positions in an image": 9
     * (b"im.png," + b",".join([b"\"['Nose', (33, 17)]\""] * 9) + b"\n"),
@@ -81,7 +82,5 @@ def test_points_of_a_hand_are_called_so(tmp_path):
     path = tmp_path / "take.csv"
     row = ",".join(f"{7 * k % 11},{5 * k % 13},{3 * k % 7}" for k in range(21))
     path.write_text(",".join(f"{axis}{k}" for k in range(21) for axis in "xyz") + f"\n{row}\n{row}\n")
-    with pytest.raises(
-        SkeletonLogError, match="21 joints without names, in no order that gives a person, as a hand has"
-    ):
+    with pytest.raises(SkeletonLogError, match=r"21 joints without names, .* as a hand has"):
         read_log(path)

@@ -229,6 +229,7 @@ PLANE, SPACE = [[float(k), k / 3] for k in range(21)], [[float(k), k / 3, k * k 
         ({"0": [[k, k + 0.5, k * k] for k in range(478)]}, "478 points, as a face has"),
         ([{"hand_xy": dict(zip("abcdefghijklmnopqrstu", PLANE, strict=True))}] * 3, "positions in an image"),
         ({"frames": [[{"x": 1.5, "y": 2.5, "score": 0.5}] * 17] * 3}, "positions in an image"),
+        ({"people": [{"pose_keypoints_2d": [0.5] * 75}]}, "positions in an image"),
         ({"train": [{"points": list(range(34)), "label": 2}] * 3}, "positions in an image"),
         ({"poses": [{"base": [0, 0, 1], "joints": {"hip": 0.5}}]}, "keys poses, without positions in space"),
     ],

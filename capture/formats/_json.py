@@ -71,7 +71,7 @@ def _parse(text: str | bytes) -> object:
 def _documents(text: str) -> list[object]:
     """Return the documents on the lines of a text, as JSON or as Python prints them; the last line may be cut off."""
     documents: list[object] = []
-    lines = [line for line in text.splitlines() if line.strip()]
+    lines = [line.rstrip(" ,") for line in text.splitlines() if line.strip()]
     for line in lines:
         try:
             documents.append(_parse(line))

@@ -138,8 +138,7 @@ def joint_set(path: Path, positions: Floats, chosen: str | None = None, found: s
     best = fits(positions, names)
     if not best:
         refuse_nobody(path, positions)
-        at_zero = (positions[..., :2] == 0).all(axis=2, keepdims=True)  # lost ones, of which only the score may differ
-        refuse_flat(path, np.where(at_zero, np.nan, positions))
+        refuse_image(path, positions)
         raise SkeletonLogError(
             path,
             found=f"{found} of {count} joints without names, in no order that gives a person{as_of(count)}",
@@ -147,6 +146,12 @@ def joint_set(path: Path, positions: Floats, chosen: str | None = None, found: s
             fix="Name the order with --joints, or the columns with --columns.",
         )
     return clearest(path, best, f"{found} of {count} joints").name
+
+
+def refuse_image(path: Path, positions: Floats) -> None:
+    """Raise the error of `refuse_flat` if positions (T, J, 3) without names are in a plane; those at zero are lost."""
+    at_zero = (positions[..., :2] == 0).any(axis=2, keepdims=True)  # of which only the score may differ
+    refuse_flat(path, np.where(at_zero, np.nan, positions))
 
 
 def numbered(
@@ -160,22 +165,25 @@ def numbered(
     order = sorted(range(len(numbers)), key=numbers.__getitem__)
     own, points = [numbers[index] for index in order], positions[:, order]
     count = len(own)
-    if own in (list(range(count)), list(range(1, count + 1))) and any(
-        len(each) == count for each in JOINT_SETS.values()
-    ):
+    counted = own in (list(range(count)), list(range(1, count + 1)))
+    whole = [name for name, joints in JOINT_SETS.items() if counted and len(joints) == count]
+    is_rough = whole[0] in MAX_MISFITS if len(whole) == 1 else False
+    parts = {name: joints for name, joints in JOINT_SETS.items() if len(joints) > max(own[-1], count)}
+    names = [name for name, joints in parts.items() if is_person([joints[k] for k in own])]
+    names = [name for name in names if chosen in (None, name)]
+    if chosen not in names and (chosen or is_rough or fits(points, whole)):
         return list(JOINT_SETS[joint_set(path, points, chosen, found)]), order
-    sets = {name: joints for name, joints in JOINT_SETS.items() if len(joints) > own[-1] and chosen in (None, name)}
-    names = [name for name, joints in sets.items() if is_person([joints[k] for k in own])]
     fitting = []
-    for name in names if len(names) > 1 else []:
-        whole = np.full((len(points), len(JOINT_SETS[name]), 3), np.nan)
-        whole[:, own] = points
-        fitting += fits(whole, [name])
+    for name in names if len(names) > 1 or whole else []:
+        padded = np.full((len(points), len(JOINT_SETS[name]), 3), np.nan)
+        padded[:, own] = points
+        fitting += fits(padded, [name])
     if fitting:
         names = [clearest(path, fitting, f"{found} of joints with numbers").name]
+    if whole and not fitting:
+        return list(JOINT_SETS[joint_set(path, points, chosen, found)]), order
     if len(names) != 1:
-        is_whole = own == list(range(own[0], own[0] + count))
-        listed = f"{own[0]} to {own[-1]}" if is_whole else ", ".join(map(str, own))[:80]
+        listed = f"{own[0]} to {own[-1]}" if own[-1] - own[0] == count - 1 else ", ".join(map(str, own))[:80]
         raise SkeletonLogError(
             path,
             found=f"{found} of joints with the numbers {listed}, which are no person's",

@@ -9,6 +9,7 @@ from capture.formats._files import HEAD_BYTES, opened
 from capture.formats._json import load
 from capture.formats._rows import head_lines, whole_lines
 from capture.formats._table import EXPORT, IN_SPACE, NAME_COLUMNS, ROWS, Table
+from capture.formats.landmarks_json import described
 from capture.formats.options import ReadOptions
 from puppetline.errors import SkeletonLogError
 
@@ -151,6 +152,4 @@ def _json(path: Path) -> str:
         document = load(path).data
     except SkeletonLogError as error:
         return error.found
-    if isinstance(document, dict):
-        return f"JSON with the keys {', '.join(map(str, list(document)[:8]))}"
-    return f"JSON, a list of {len(document):,}" if isinstance(document, list) else "JSON"
+    return f"JSON{described(document)[0]}"

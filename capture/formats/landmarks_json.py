@@ -93,7 +93,7 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
     names = dict.fromkeys(name for name, _ in islice(_joints(document), MAX_JOINTS))
     if len(names) >= MIN_NAMES:
         refuse_incomplete(path, list(names))
-    found, is_flat = _described(document)
+    found, is_flat = described(document)
     with opened(path) as file:
         start = file.read(99).lstrip(b"\xef\xbb\xbf \r\n\t")[:1]
     kind = "XML" if start == b"<" else "JSON" if start in (b"{", b"[") else "lists in brackets"
@@ -107,7 +107,7 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
     )
 
 
-def _described(document: Any) -> tuple[str, bool]:
+def described(document: Any) -> tuple[str, bool]:
     """Return what a document without a person has, for messages, and whether these are positions in an image."""
     groups: Counter[tuple[int, int]] = Counter()
     for value in islice(_containers(document), MAX_CONTAINERS):
@@ -124,8 +124,11 @@ def _described(document: Any) -> tuple[str, bool]:
     if size == 3 and as_of(count):
         return f" of {count} points{as_of(count)}", False
     points = f"with {count} points that are no person's" if size == 3 else "without positions in space"
-    keys = f" with the keys {', '.join(map(str, list(document)[:8]))}" if isinstance(document, dict) else ""
-    return f"{keys or f', a list of {len(document):,}'}, {points}", False
+    amount, first = "", document
+    if isinstance(document, list):
+        amount, first = f", a list of {len(document):,}", document[0] if document else None
+    keys = f" with the keys {', '.join(map(str, list(first)[:8]))}" if isinstance(first, dict) and first else ""
+    return f"{amount}{keys}, {points}", False
 
 
 def _containers(value: Any) -> Iterator[Any]:

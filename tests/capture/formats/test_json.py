@@ -45,6 +45,7 @@ def test_a_file_that_is_too_large_or_not_there_is_refused(load, tmp_path, monkey
         "{'head': (0.5, 1, nan), 'ok': True, 'who': None}\n\n{'head': [2, 3, 4]}\n",
         "{'head': array([np.float64(0.5), 1, nan], dtype=float32), 'ok': True, 'who': None}\n{'head': [2, 3, 4]}\n",
         '{"head": [0.5, 1, NaN], "ok": true, "who": null}\n{"head": [2, 3, 4]}\n{"head": [5, 6',
+        '{"head": [0.5, 1, NaN], "ok": true, "who": null},\n{"head": [2, 3, 4]},\n',
     ],
 )
 def test_lines_may_be_documents_as_json_or_as_python_prints_them(load, text):

@@ -31,7 +31,12 @@ CONTENTS = {
     "columns day, name, remark": b"day,name,remark\n1,a,b c\n2,d,e f\n3,g,h\n",
     "9 × 2 numbers in a line: positions in an image": 9
     * (b"im.png," + b",".join([b"\"['Nose', (33, 17)]\""] * 9) + b"\n"),
-    "63 columns without names, as a hand has": 9 * (b"0.5,0.25,0.125," * 20 + b"1,2,3\n"),
+    "lie in a plane: positions in an image": b"".join(
+        b"%d," % row + b",".join(b"%d.5,%d,0.9" % (37 * k % 101 + row, 53 * k % 97 + row) for k in range(17)) + b"\n"
+        for row in range(9)
+    ),
+    "63 columns without names, as a hand has": 9
+    * (b",".join(b"%d.5,%d,%d" % (7 * k % 11, 5 * k % 13, 3 * k % 7) for k in range(21)) + b"\n"),
     "in an image ": b"0,1,2\n" + b'"[0.1, 0.2]","[0.2, 0.3]","[0.3, 0.4]"\n' * 9,
     "20 × 2 numbers in a line: positions in an image": 9 * (b"|[" + b", ".join([b"(1.5, 2.5)"] * 20) + b"]|\n"),
     "arrays as NumPy prints them": 9 * b"[-0.71 -3.6e-01  0.44],[ 0.21 0.17 0.51]\n",

@@ -231,6 +231,7 @@ PLANE, SPACE = [[float(k), k / 3] for k in range(21)], [[float(k), k / 3, k * k 
         ({"frames": [[{"x": 1.5, "y": 2.5, "score": 0.5}] * 17] * 3}, "positions in an image"),
         ({"people": [{"pose_keypoints_2d": [0.5] * 75}]}, "positions in an image"),
         ({"train": [{"points": list(range(34)), "label": 2}] * 3}, "positions in an image"),
+        ([{"roll": 1.5, "accX": [1, 2, 3]}] * 9, ", a list of 9 with the keys roll, accX, without positions in space"),
         ({"poses": [{"base": [0, 0, 1], "joints": {"hip": 0.5}}]}, "keys poses, without positions in space"),
     ],
 )

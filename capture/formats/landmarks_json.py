@@ -32,7 +32,9 @@ from capture.formats.table import confidence_of, moments, seconds_of
 from puppetline.errors import SkeletonLogError
 
 _HINT = re.compile(
-    rb"elbow|joint|upper_?arm|humerus|keypoints|landmarks|[\[:]\s*[\[(]\s*-?[0-9]|x[\"']\s*:", re.IGNORECASE
+    rb"elbow|joint|upper_?arm|humerus|keypoints|landmarks|\[\s*\[\s*-?[0-9]"
+    rb"|[\"'](?:camera|world|pos|position)?_?x[\"']\s*:|[\"'][0-9]+[\"']\s*:\s*[\[(]\s*-?[0-9]",
+    re.IGNORECASE,
 )
 _CONFIDENCES = ("visibility", "confidence", "score", "presence", "c", "v", "likelihood")
 _TIMES = ("time", "timestamp", "timestamp_ms", "timestampMs", "t", "time_s", "time_ms", "frame_time", "timestamp_usec")

@@ -239,3 +239,8 @@ def test_a_document_without_a_person_is_called_what_it_has(read, document, found
     with pytest.raises(SkeletonLogError) as caught:
         read(landmarks_json, json.dumps(document))
     assert found in caught.value.found
+
+
+@pytest.mark.parametrize("rest", ['"nodes": [{"translation": [0, 1, 2]}]', '"skins": [{"index": 3, "matrix": [1, 0]}]'])
+def test_a_character_of_json_is_no_recording(rest):
+    assert not landmarks_json.matches(f'{{"asset": {{"version": "2.0"}}, {rest}}}'.encode())

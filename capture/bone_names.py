@@ -32,6 +32,9 @@ QUARTERS = {word: quarter for quarter, words in TABLE["quarters"].items() for wo
 SHARED_WORD_SHARE = 0.5
 """Minimum share of a skeleton's joints that have a word which says nothing."""
 
+ALL_SHARE = 0.9
+"""The same for a word that is a joint's name otherwise, as in ``Body_Hips``."""
+
 MIN_SHARING_JOINTS = 5
 """Minimum number of joints from which words are shared."""
 
@@ -205,7 +208,8 @@ def _without_shared_words(split: list[list[str]]) -> list[list[str]]:
     for end in (0, -1):
         counts = Counter(words[end] for words in split if words)
         word, count = max(counts.items(), key=lambda each: each[1], default=("", 0))
-        if count >= least and word not in _WORDS.keys() | SIDES.keys() | _ORNAMENTS:
+        is_of_all = count >= max(ALL_SHARE * len(split), MIN_SHARING_JOINTS)
+        if count >= least and (word not in _WORDS.keys() | _ORNAMENTS or is_of_all) and word not in SIDES:
             rest = slice(-1) if end else slice(1, None)
             return _without_shared_words([words[rest] if words[end:][:1] == [word] else words for words in split])
     return split

@@ -1,6 +1,7 @@
 """Text files as rows of cells: separators, quotes, decimal commas, header lines, and several numbers in a cell."""
 
 import csv
+import itertools
 import math
 import re
 from collections import Counter
@@ -32,11 +33,20 @@ UNKNOWN = frozenset(("", "nan", "null", "none", "na", "n/a", "-", "inf", "-inf",
 _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _LABELLED = rf"(?:['\"]?[A-Za-z]+['\"]?\s*[:=]\s*)?{_NUMBER}"
 _NUMBERS = re.compile(_NUMBER)
-_VECTOR = re.compile(rf"(?:[A-Za-z]*[\[({{<])*\s*{_LABELLED}(?:[\s,;]+{_LABELLED}){{2,6}}\s*[\])}}>]*")
+_VECTOR = re.compile(rf"(?:[A-Za-z]*[\[({{<])*\s*{_LABELLED}(?:[\s,;]+{_LABELLED}){{2,}}\s*[\])}}>]*")
 _PAIR = re.compile(rf"[\[(]\s*{_NUMBER}\s*,\s*{_NUMBER}\s*[\])]")
 _TOKENS = re.compile(rf"(?<![\w.]){_NUMBER}(?![\w.])|[A-Za-z]\w*")
+MIN_SAME_LENGTH = 5
+"""Number of rows of the same other length than most from which these have another form, and are no damaged lines."""
+
+MIN_HEADLINES = 2
+"""Number of lines with a frame's number or a joint's name, after rows of numbers, from which they begin rows."""
+
 SENTENCES_SHARE = 0.8
 """Smallest share of the lines of a text that have the same words and numbers in the same order."""
+
+MAX_POINT_NUMBERS = 7
+"""Largest number of numbers of a point in a cell; more are those of all points."""
 
 PARTS = ("x", "y", "z", "visibility")
 """Names of the numbers in a cell; others have none."""
@@ -89,7 +99,7 @@ def number(cell: str) -> float | None:
 
 
 def vector(cell: str) -> list[float] | None:
-    """Return the numbers of a cell such as ``(0.1, 1.2)`` or ``x: 0.1 y: 1.2 z: 3``; None if it has not 2 to 7."""
+    """Return the numbers of a cell such as ``(0.1, 1.2)`` or ``x: 0.1 y: 1.2 z: 3``; None if it has one."""
     parts = _parts(cell)
     return None if parts is None else [float(each) for each in parts]
 
@@ -121,7 +131,10 @@ def split(lines: Sequence[Line]) -> Cells | None:
     separator, rows = _rows(lines)
     count = len(rows)
     first = next((index for index, row in enumerate(rows) if _has_numbers(row)), None)
-    if first is None:
+    if blocks := _under_headlines(lines):
+        lines, rows, count = blocks
+        first, separator = 1, None
+    elif first is None:
         lines, rows = _of_sentences(lines)
         first, count = 1, count + 1  # the header
     if not rows:
@@ -136,6 +149,12 @@ def split(lines: Sequence[Line]) -> Cells | None:
     if len(body) > 1 and len(body[-1]) < width and not lines[-1][1].endswith("\n"):
         cut_off = numbers[-1]
         body, numbers = body[:-1], numbers[:-1]
+    uneven = [len(row) for row in body if len(row) < width or any(row[width:])]
+    is_form = bool(uneven) and Counter(uneven).most_common(1)[0][1] >= MIN_SAME_LENGTH
+    if is_form and len(uneven) < (1 - SENTENCES_SHARE) * len(body):  # such as those with a second hand
+        even = [(row, at) for row, at in zip(body, numbers, strict=True) if len(row) >= width and not any(row[width:])]
+        body, numbers = [row for row, _ in even], [at for _, at in even]
+        left_out += len(uneven)
     for row, at in zip(body, numbers, strict=True):
         if len(row) < width or any(row[width:]):
             raise UnevenError(at, len(row), width)
@@ -155,8 +174,12 @@ def _with_a_number_per_cell(
     if len(origin) == len(names):
         return names, [row[: len(names)] for row in rows], origin
     parts = [k for size in sizes for k in range(size)]
+
+    def is_point(column: int) -> bool:
+        return sizes[column] <= MAX_POINT_NUMBERS
+
     named = [
-        [*names[column], *PARTS[k : k + 1]] if sizes[column] > 1 else names[column]
+        names[column] if sizes[column] == 1 else [*names[column], *PARTS[k : k + 1]] if is_point(column) else []
         for column, k in zip(origin, parts, strict=True)
     ]
     split_rows = []
@@ -190,6 +213,41 @@ def _rows(lines: Sequence[Line]) -> tuple[str | None, list[list[str]]]:
     if len(rows) > numbered and all(map(_is_plain_vector, rows[numbered][:2])):
         return None, [_NUMBERS.findall(text) if index >= numbered else [] for index, (_, text) in enumerate(lines)]
     return separator, rows
+
+
+def _under_headlines(lines: Sequence[Line]) -> tuple[Sequence[Line], list[list[str]], int] | None:
+    """Return lines and cells, with a header, and how many there were, of rows of numbers below lines that begin them.
+
+    Such a line is the number of a frame, such as ``Frame: 7``, or the name of a joint, such as ``Left knee:``. A row
+    has x, y and z, perhaps after a joint's number. Rows of another length than most are left out.
+    """
+    begins = [re.match(r"\s*[A-Za-z]", text) is not None for _, text in lines]
+    if not begins[0] or sum(now > before for before, now in itertools.pairwise(begins)) < MIN_HEADLINES:
+        return None
+    headlines = [text for (_, text), begin in zip(lines, begins, strict=True) if begin]
+    numbers = [_NUMBERS.findall(text) for text in headlines]
+    if any(len(each) > 2 for each in numbers):
+        return None
+    counted = [each[0] for each in numbers if each]
+    is_frame = len(set(counted)) == len(counted)
+    frame = joint = ""
+    found: list[tuple[Line, list[str]]] = []
+    for line, begin in zip(lines, begins, strict=True):
+        own = _NUMBERS.findall(line[1]) if begin else []
+        if own and is_frame:
+            frame, joint = own[0], ""
+        elif begin:
+            joint = own[0] if own else line[1].strip(" :-\t\r\n")
+        else:
+            found.append((line, [frame, joint, *re.split(r"[\s,;\[\](){}]+", line[1].strip(" ,;[](){}\t\r\n"))]))
+    width, count = Counter(len(row) for _, row in found).most_common(1)[0]
+    rows = [each for each in found if len(each[1]) == width and all(number(cell) is not None for cell in each[1][2:])]
+    if count < SENTENCES_SHARE * len(found) or width < 5 or not rows:
+        return None
+    is_numbered = not any(row[1] for _, row in rows) and all(row[2].isdecimal() for _, row in rows)
+    header = ["frame", *(["", "joint"] if is_numbered else ["joint"]), *"xyz"]
+    header += ["visibility"] if width == len(header) + 1 else [""] * (width - len(header))
+    return [rows[0][0], *(line for line, _ in rows)], [header, *(row for _, row in rows)], len(found) + 1
 
 
 def _of_sentences(lines: Sequence[Line]) -> tuple[Sequence[Line], list[list[str]]]:
@@ -268,11 +326,12 @@ def _joined(row: Sequence[str], start: int) -> list[str]:
 
 
 def _whole_rows(lines: Sequence[Line]) -> Sequence[Line]:
-    """Return lines of which those within a quoted cell are joined; a cell that does not end is no cell."""
+    """Return lines of which those within a quoted cell or a list are joined; a cell that does not end is no cell."""
     rows: list[Line] = []
     is_open = False
     for at, text in lines:
-        if is_open:
+        is_list = rows and text.lstrip()[:1] not in "[{" and rows[-1][1].count("[") > rows[-1][1].count("]")
+        if is_open or is_list:
             rows[-1] = (rows[-1][0], rows[-1][1] + text)
         else:
             rows.append((at, text))

@@ -1,4 +1,7 @@
-"""JSON recordings: bounded loading, and values that are checked when they are read and name their place in errors."""
+"""JSON recordings: bounded loading, and values that are checked when they are read and name their place in errors.
+
+Programs also write a document per line, and what Python prints, such as ``{'head': (0.1, nan, None)}``.
+"""
 
 import json
 import math
@@ -19,8 +22,13 @@ MAX_EXACT_FLOAT = 2.0**53
 """Bound of the floats that are read as integers: float64 represents every integer below it."""
 
 
+_NUMPY = re.compile(r"(?:\w+\.)?(?:array|float\d+|int\d+)\(([^()]*?)(?:,\s*dtype=[\w.]+)?\)")
+_PRINTED = str.maketrans("()'", '[]"')
+_PRINTED_WORDS = {"None": "null", "nan": "NaN", "inf": "Infinity", "True": "true", "False": "false"}
+
+
 def load(path: Path) -> "Value":
-    """Parse a whole JSON file; NaN and Infinity, which programs write for what is lost, are NaN.
+    """Parse a whole JSON file, or one document per line; NaN and Infinity, which stand for what is lost, are NaN.
 
     Raises
     ------
@@ -37,8 +45,10 @@ def load(path: Path) -> "Value":
             fix="Split the recording.",
         )
     try:
-        return Value(path, json.loads(text, parse_constant=lambda _: math.nan))
+        return Value(path, _parse(text))
     except json.JSONDecodeError as error:
+        if documents := _documents(text.decode("utf-8-sig", errors="replace")):
+            return Value(path, documents[0] if len(documents) == 1 else documents)
         raise SkeletonLogError(
             at(path, error.lineno),
             found=f"broken JSON at column {error.colno} ({error.msg})",
@@ -52,6 +62,28 @@ def load(path: Path) -> "Value":
             expected="UTF-8 text with plain numbers and shallow nesting",
             fix="Copy the file again from where it was recorded.",
         ) from error
+
+
+def _parse(text: str | bytes) -> object:
+    return json.loads(text, parse_constant=lambda _: math.nan)
+
+
+def _documents(text: str) -> list[object]:
+    """Return the documents on the lines of a text, as JSON or as Python prints them; the last line may be cut off."""
+    documents: list[object] = []
+    lines = [line.rstrip(" ,") for line in text.splitlines() if line.strip()]
+    for line in lines:
+        try:
+            documents.append(_parse(line))
+            continue
+        except json.JSONDecodeError:
+            numbers = _NUMPY.sub(r"\1", _NUMPY.sub(r"\1", line))  # arrays of numbers
+            printed = re.sub(r"\b(None|nan|inf|True|False)\b", lambda word: _PRINTED_WORDS[word[0]], numbers)
+        try:
+            documents.append(_parse(printed.translate(_PRINTED)))
+        except json.JSONDecodeError:
+            return documents if line is lines[-1] else []
+    return documents
 
 
 class Value:

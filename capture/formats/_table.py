@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from capture.formats._cells import PARTS, DecimalCommaError, UnevenError, number, split
 from capture.formats._columns import AXES, WORDS, Column, parse, with_numbers_as_axes, without_prefix
 from capture.formats._rows import Line
-from capture.formats.joint_sets import MAX_MISFIT, Fit, clearest, fits
+from capture.formats.joint_sets import MAX_MISFIT, Fit, as_of, clearest, fits, refuse_image
 from capture.formats.layouts import HOLISTIC, JOINT_SETS
 from capture.formats.options import ReadOptions
 from capture.formats.positions import is_person, missing_joints
@@ -33,6 +33,7 @@ MAX_EXTRA_COLUMNS = 3
 
 EXPORT = "Export the motion as BVH, or the positions of the joints as a table (CSV)."
 IN_SPACE = "Use the tracker's positions in space, or the video itself."
+ROWS = "a table, whose rows have numbers"
 NAME_COLUMNS = "Name the columns in the first line, or those of each joint in a file: --columns FILE."
 """What to do with text that is no table, with positions in an image, and with columns that are not understood."""
 
@@ -102,7 +103,7 @@ class Table:
             fix = "Export it with points in numbers, or with semicolons between them."
             self.refuse("a table with commas both in numbers and between them", fix)
         if cells is None:
-            self.refuse("text without rows of numbers", EXPORT)
+            raise SkeletonLogError(path, found="text without rows of numbers", expected=ROWS, fix=EXPORT)
         self.cells = cells
         self.width = len(cells.names)
         self._names = [" ".join(names) for names in cells.names]
@@ -242,7 +243,8 @@ class Table:
 
     def _unnamed(self) -> list[Layout]:
         """Return the layout without names in which the columns are a person's joints, if there is one."""
-        if any(self._names) and not self._are_numbered():
+        named = sum(map(bool, self._names))
+        if named in (*range(MAX_EXTRA_COLUMNS + 1, self.width), self.width) and not self._are_numbered():
             return []
         if groups := self._numbered_groups():
             return groups
@@ -367,6 +369,10 @@ class Table:
                 else f"a table with {self.cells.origin[-1] + 1} columns without names"
             )
             columns = parse(self.cells.names)
+            for _, starts, _ in self._candidates() if not names else ():
+                points = [self.positions({"x": x, "y": x + 1, "z": x + 2}) for x in starts]
+                refuse_image(self.path, np.stack(points, axis=1))
+            found += as_of(sum(column.role == "z" for column in columns) or (self.width // 3 if not names else 0))
             roles = {column.role for column in columns}
             missing = missing_joints([column.joint for column in columns if column.role == "z"])
             # a shoulder without an elbow may be a collar

@@ -19,10 +19,11 @@ from capture.clip import SkeletonClip
 from capture.formats import landmarks_json, smpl
 from capture.formats._files import opened
 from capture.formats._mat5 import Mat5Error, Variable, variables
-from capture.formats.joint_sets import Fit, clearest, fits
+from capture.formats.joint_sets import Fit, as_of, clearest, fits
 from capture.formats.layouts import JOINT_SETS
 from capture.formats.options import ReadOptions
 from capture.formats.positions import clip_of_positions, is_person
+from capture.formats.proportions import refuse_flat
 from capture.formats.table import confidence_of
 from puppetline.errors import SkeletonLogError
 
@@ -283,7 +284,11 @@ def describe(arrays: Arrays) -> str:
 
 def _refuse(path: Path, arrays: Arrays, options: ReadOptions) -> NoReturn:
     shapes = [np.squeeze(array).shape for array in arrays.values()]
-    found, fix = describe(arrays), ""
+    for array, shape in zip(arrays.values(), shapes, strict=True):
+        if len(shape) == 3 and shape[-1] == 3 and array.dtype.kind in "fiu" and array.size <= MAX_BYTES // 8:
+            refuse_flat(path, np.squeeze(array).astype(np.float64))
+    counts = [shape[-2] for shape in shapes if len(shape) > 2 and shape[-1] == 3]
+    found, fix = f"{describe(arrays)}{next(filter(None, map(as_of, counts)), '')}", ""
     if any(shape[-1:] == (2,) and shape[-2:-1] and shape[-2] in _SIZES for shape in shapes):
         found, fix = f"{found}, positions in an image (2D)", "Use positions in space, or the video itself."
     elif any(shape[-1:] == (HUMANML3D_FEATURES,) for shape in shapes):

@@ -15,6 +15,9 @@ from puppetline.errors import SkeletonLogError
 DEFAULT_FPS = 30.0
 """Frames per second of a recording that states no times."""
 
+MIN_RESTART_FRAMES = 10
+"""Number of frames in which times go on after they began again."""
+
 MAX_JOINTS = 500
 """Maximum number of joints of a skeleton; a detailed rig with fingers and face has about 150."""
 
@@ -34,16 +37,18 @@ def build_clip(
 ) -> SkeletonClip:
     """Build one performer's clip from the frames of a recording.
 
-    The arrays are those of `SkeletonClip`, in the order of the file, and the clip has user 0. Frames whose times do not
-    increase are skipped, and a note counts them. A joint is lost if its confidence is 0 or its position is exactly
-    (0, 0, 0), which recorders write for a lost joint. A quaternion becomes NaN if its length is not 1 or if its joint
-    is inferred or lost.
+    The arrays are those of `SkeletonClip`, in the order of the file, and the clip has user 0. Frames whose times begin
+    again follow the others; those whose times do not increase otherwise are skipped, and a note counts them. A joint is
+    lost if its confidence is 0 or its position is exactly (0, 0, 0), which recorders write for a lost joint. A
+    quaternion becomes NaN if its length is not 1 or if its joint is inferred or lost.
 
     Raises
     ------
     SkeletonLogError
         All joints are lost in every frame.
     """
+    times, restart_notes = _continued(times)
+    notes = (*notes, *restart_notes)
     keep = np.ones(len(times), dtype=bool)
     keep[1:] = times[1:] > np.maximum.accumulate(times)[:-1]
     if skipped := np.count_nonzero(~keep):
@@ -61,6 +66,32 @@ def build_clip(
         kept = {name: values[keep] for name, values in channels.items()}
         channels = {name: values for name, values in kept.items() if not np.isnan(values).all()} or None
     return SkeletonClip(log_format, 0, times, positions, confidence, notes, orientations, channels=channels)
+
+
+def _continued(times: NDArray[np.float64]) -> tuple[NDArray[np.float64], tuple[str, ...]]:
+    """Return times of which those that begin again continue the others, and a note that they do.
+
+    They begin again if they go back by most of what has passed, and go on for several frames.
+    """
+    steps = np.diff(times)
+    step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    starts = [0]
+    for index in np.flatnonzero(steps < 0) + 1:
+        passed = times[starts[-1] : index].max() - times[starts[-1]]
+        goes_on = np.diff(times[index : index + MIN_RESTART_FRAMES])
+        if (
+            times[index - 1] - times[index] > passed / 2
+            and len(goes_on) == MIN_RESTART_FRAMES - 1
+            and (goes_on > 0).all()
+        ):
+            starts.append(int(index))
+    if len(starts) == 1:
+        return times, ()
+    times = times.copy()
+    for start in starts[1:]:
+        times[start:] += times[:start].max() + step - times[start]
+    count = "once" if len(starts) == 2 else f"{len(starts) - 1} times"
+    return times, (f"The times begin again {count}. These frames follow the others.",)
 
 
 def clips_by_performer(
@@ -118,6 +149,12 @@ def frame_rate(options: ReadOptions, default: float) -> tuple[float, tuple[str, 
     if options.fps is not None:
         return options.fps, ()
     return default, (f"The recording has no clock; {default:g} frames per second are assumed.",)
+
+
+def refuse_nobody(path: Path, positions: NDArray[np.float64]) -> None:
+    """Raise an error if no position is known: recorders write zeros for a performer who is not seen."""
+    if not np.nan_to_num(positions).any():
+        raise _no_performer(path, f"no tracked performer in any of {len(positions)} frames")
 
 
 def _no_performer(path: Path, found: str) -> SkeletonLogError:

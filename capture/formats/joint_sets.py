@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.formats import image_positions
+from capture.formats.clips import refuse_nobody
 from capture.formats.layouts import HOLISTIC, JOINT_SETS
 from capture.formats.placement import bone_length
-from capture.formats.positions import select
+from capture.formats.positions import is_person, select
 from capture.formats.proportions import MAX_BONE_RATIO, bone_ratios, refuse_flat
 from capture.skeleton import JOINT_INDEX, PARENTS
 from puppetline.errors import SkeletonLogError
@@ -37,6 +38,10 @@ _LEFT, _RIGHT = ([index for index, joint in enumerate(PARENTS) if joint.endswith
 
 CLEAR_RATIO = 1.15
 """How much worse the next best set must be."""
+
+
+_OTHERS = {21: "a hand", 42: "two hands", 68: "a face", 468: "a face", 478: "a face"}
+"""What else has so many points in common trackers."""
 
 
 class Fit(NamedTuple):
@@ -132,15 +137,65 @@ def joint_set(path: Path, positions: Floats, chosen: str | None = None, found: s
         return names[0]
     best = fits(positions, names)
     if not best:
-        at_zero = (positions[..., :2] == 0).all(axis=2, keepdims=True)  # lost ones, of which only the score may differ
-        refuse_flat(path, np.where(at_zero, np.nan, positions))
+        refuse_nobody(path, positions)
+        refuse_image(path, positions)
         raise SkeletonLogError(
             path,
-            found=f"{found} of {count} joints without names, in no order that gives a person",
+            found=f"{found} of {count} joints without names, in no order that gives a person{as_of(count)}",
             expected=f"a person in the order of {' or '.join(names)}" if names else "joints in a known order",
             fix="Name the order with --joints, or the columns with --columns.",
         )
     return clearest(path, best, f"{found} of {count} joints").name
+
+
+def refuse_image(path: Path, positions: Floats) -> None:
+    """Raise the error of `refuse_flat` if positions (T, J, 3) without names are in a plane; those at zero are lost."""
+    at_zero = (positions[..., :2] == 0).any(axis=2, keepdims=True)  # of which only the score may differ
+    refuse_flat(path, np.where(at_zero, np.nan, positions))
+
+
+def numbered(
+    path: Path, numbers: Sequence[int], positions: Floats, chosen: str | None = None, found: str = "positions"
+) -> tuple[list[str], list[int]]:
+    """Return the names of joints with numbers, in the order of the numbers, and the order itself.
+
+    The numbers count a set's joints from 0 or 1, or are those of some of its joints from 0. The parameters are those of
+    `joint_set`, whose errors are raised; `positions` are in the order of `numbers`.
+    """
+    order = sorted(range(len(numbers)), key=numbers.__getitem__)
+    own, points = [numbers[index] for index in order], positions[:, order]
+    count = len(own)
+    counted = own in (list(range(count)), list(range(1, count + 1)))
+    whole = [name for name, joints in JOINT_SETS.items() if counted and len(joints) == count]
+    is_rough = whole[0] in MAX_MISFITS if len(whole) == 1 else False
+    parts = {name: joints for name, joints in JOINT_SETS.items() if len(joints) > max(own[-1], count)}
+    names = [name for name, joints in parts.items() if is_person([joints[k] for k in own])]
+    names = [name for name in names if chosen in (None, name)]
+    if chosen not in names and (chosen or is_rough or fits(points, whole)):
+        return list(JOINT_SETS[joint_set(path, points, chosen, found)]), order
+    fitting = []
+    for name in names if len(names) > 1 or whole else []:
+        padded = np.full((len(points), len(JOINT_SETS[name]), 3), np.nan)
+        padded[:, own] = points
+        fitting += fits(padded, [name])
+    if fitting:
+        names = [clearest(path, fitting, f"{found} of joints with numbers").name]
+    if whole and not fitting:
+        return list(JOINT_SETS[joint_set(path, points, chosen, found)]), order
+    if len(names) != 1:
+        listed = f"{own[0]} to {own[-1]}" if own[-1] - own[0] == count - 1 else ", ".join(map(str, own))[:80]
+        raise SkeletonLogError(
+            path,
+            found=f"{found} of joints with the numbers {listed}, which are no person's",
+            expected=f"a person in the order of {' or '.join(names)}" if names else "joints in a known order",
+            fix="Name the order with --joints, or the columns with --columns.",
+        )
+    return [JOINT_SETS[names[0]][k] for k in own], order
+
+
+def as_of(count: int) -> str:
+    """Return what is no person and has so many points in common trackers, for messages; "" if nothing is known."""
+    return f", as {_OTHERS[count]} has" if count in _OTHERS else ""
 
 
 def clearest(path: Path, found: Sequence[Fit], what: str) -> Fit:

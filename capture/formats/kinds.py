@@ -4,18 +4,25 @@ import re
 import zipfile
 from pathlib import Path
 
+from capture.formats._cells import number
 from capture.formats._documents import GLTF
 from capture.formats._files import HEAD_BYTES, opened
 from capture.formats._json import load
-from capture.formats._rows import whole_lines
-from capture.formats._table import EXPORT, IN_SPACE, Table
+from capture.formats._rows import head_lines, whole_lines
+from capture.formats._table import EXPORT, IN_SPACE, NAME_COLUMNS, ROWS, Table
+from capture.formats.landmarks_json import described
 from capture.formats.options import ReadOptions
 from puppetline.errors import SkeletonLogError
+
+MIN_POINTS = 6
+"""Number of points, or of names of columns, in a line from which they are those of a body."""
 
 EXPECTED = "a recording of a person's joints: BVH, a table, an array, JSON of a tracker or sensor, or a take"
 """What `puppetline` reads, for messages."""
 
 _AS_NUMBERS = "In Python, save the joints as numbers: np.savez(path, joints=…), or an SMPL body's poses and trans."
+_NUMBER = rb"\s*-?\d[\d.]*(?:e[-+]?\d+)?\s*"
+_POINT = re.compile(rb"\[(%b(?:[,\s]%b)+)\]" % (_NUMBER, _NUMBER))
 _IN_SQUARES = bytes.maketrans(b"()", b"[]")
 _VIDEO = rb".{4}ftyp|\x00\x00\x01\xba|RIFF....AVI |\x1aE\xdf\xa3|FLV\x01"
 _KINDS: tuple[tuple[bytes, str, str], ...] = (
@@ -38,6 +45,9 @@ _KINDS: tuple[tuple[bytes, str, str], ...] = (
     (rb"glTF|" + GLTF, "a glTF file", "Use it as a character; export its motion as BVH to use it as a recording."),
     (rb"\xd0\xcf\x11\xe0", "an Office file", "Save the sheet as CSV."),
     (rb"%PDF", "a PDF", EXPORT),
+    (rb"PAR1", "a Parquet file", "In Python, write it as a table: pandas.read_parquet(path).to_csv(…)."),
+    (rb"SQLite format 3", "an SQLite database", EXPORT),
+    (rb"\x00\x05\x16\x07", "a companion file of macOS, without the recording", "Use the file without ._ in its name."),
 )
 
 
@@ -83,24 +93,41 @@ def _describe(path: Path, head: bytes) -> tuple[str, str]:
     is_numbers = path.suffix.lower() == ".bvh" and re.match(rb"[\s\d.eE+-]+\Z", head[:1000])
     if is_numbers or re.match(rb"\s*(motion\s+)?frames\s*:", head, re.IGNORECASE):
         return "a BVH without its skeleton", "Copy the whole file: it begins with the word HIERARCHY."
-    if cell := re.search(rb"\[\s*\[[^\[\]]+\](?:\s*,\s*\[[^\[\]]+\])+\s*\]", head.translate(_IN_SQUARES)):
-        return _points_of_a_cell(cell[0])
+    return _text(path, head)
+
+
+def _text(path: Path, head: bytes) -> tuple[str, str]:
+    if found := _in_image(head.translate(_IN_SQUARES)):
+        return found, IN_SPACE
     try:
         _ = Table(path, whole_lines(head), ReadOptions()).layouts
     except SkeletonLogError as error:
-        is_table = error.where == str(path)  # otherwise a line differs from the others
-        return (error.found, error.fix) if is_table else ("text that is no table", EXPORT)
-    return "a table of positions that are no person's", EXPORT
+        place = error.where.removeprefix(str(path)).removeprefix(", ")
+        if place:
+            return f"a table in which {place} has {error.found} instead of {error.expected}", EXPORT
+        if error.expected != ROWS:
+            return error.found, error.fix
+    else:
+        return "a table of positions that are no person's", EXPORT
+    first, *others = (line.strip() for line in head_lines(head, 60))
+    rows = [re.split("[,;\t|]", line) for line in (first, *others)]
+    is_table = len(rows[0]) >= MIN_POINTS or (len(rows) > 2 and {len(rows[0])} == {*map(len, rows[:-1])} != {1})
+    if is_table and not any(number(cell) is not None for cell in rows[0] if cell):
+        listed = f"{', '.join(rows[0][:12])}{' …' if len(rows[0]) > 12 else ''}"
+        return f"a table with the columns {listed}, without rows of three numbers", f"{EXPORT} {NAME_COLUMNS}"
+    return f"text with lines such as {first[:60]!r}{'…' if len(first) > 60 else ''}", EXPORT
 
 
-def _points_of_a_cell(cell: bytes) -> tuple[str, str]:
-    points = [re.findall(rb"[^\[\],\s]+", point) for point in re.findall(rb"\[([^\[\]]+)\]", cell)]
-    found = f"a table with {len(points)} × {len(points[0])} numbers in one cell"
-    if len(points[0]) == 2:
-        return f"{found}: positions in an image", IN_SPACE
-    if len(points[0]) == 3 and all(re.fullmatch(rb"0?\.\d+|[01](\.0*)?", point[-1]) for point in points):
-        return f"{found}, the third a score: positions in an image", IN_SPACE
-    return found, "Write x, y and z of each joint into columns of their own, with their names."
+def _in_image(text: bytes) -> str:
+    """Return what a text is whose lines have points with two numbers, or with a score as the third; "" for others."""
+    for line in text.splitlines()[:20]:
+        points = [re.split(rb"\s*,\s*|\s+", point.strip()) for point in _POINT.findall(line)]
+        size = len(points[0]) if len({*map(len, points)}) == 1 and len(points) >= MIN_POINTS else 0
+        if size == 2:
+            return f"a table with {len(points)} × 2 numbers in a line: positions in an image"
+        if size == 3 and all(re.fullmatch(rb"0?\.\d+|[01](\.0*)?", point[-1]) for point in points):
+            return f"a table with {len(points)} × 3 numbers in a line, the third a score: positions in an image"
+    return ""
 
 
 def _is_binary(head: bytes) -> bool:
@@ -126,6 +153,4 @@ def _json(path: Path) -> str:
         document = load(path).data
     except SkeletonLogError as error:
         return error.found
-    if isinstance(document, dict):
-        return f"JSON with the keys {', '.join(map(str, list(document)[:8]))}"
-    return f"JSON, a list of {len(document):,}" if isinstance(document, list) else "JSON"
+    return f"JSON{described(document)[0]}"

@@ -24,19 +24,23 @@ from capture.formats._documents import is_document, load
 from capture.formats._files import opened
 from capture.formats._table import EXPORT
 from capture.formats.clips import DEFAULT_FPS, MAX_JOINTS, frame_rate
-from capture.formats.joint_sets import fits, joint_set
+from capture.formats.joint_sets import as_of, fits, joint_set, numbered
 from capture.formats.layouts import JOINT_SETS
 from capture.formats.options import ReadOptions
 from capture.formats.positions import clip_of_positions, is_person, refuse_incomplete
-from capture.formats.table import confidence_of, seconds_of
+from capture.formats.table import confidence_of, moments, seconds_of
 from puppetline.errors import SkeletonLogError
 
-_HINT = re.compile(rb'elbow|joint|upper_?arm|humerus|keypoints|landmarks|\[\s*\[\s*-?[0-9]|"x"\s*:', re.IGNORECASE)
+_HINT = re.compile(
+    rb"elbow|joint|upper_?arm|humerus|keypoints|landmarks|\[\s*\[\s*-?[0-9]"
+    rb"|[\"'](?:camera|world|pos|position)?_?x[\"']\s*:|[\"'][0-9]+[\"']\s*:\s*[\[(]\s*-?[0-9]",
+    re.IGNORECASE,
+)
 _CONFIDENCES = ("visibility", "confidence", "score", "presence", "c", "v", "likelihood")
 _TIMES = ("time", "timestamp", "timestamp_ms", "timestampMs", "t", "time_s", "time_ms", "frame_time", "timestamp_usec")
 _FRAMES = ("frame", "frame_id", "frame_index", "frameNumber", "index")
 _IDS = ("person_id", "track_id", "id", "body_id", "user")
-_POSITIONS = ("position", "positions", "pos", "location", "translation", "camera")
+_POSITIONS = ("position", "positions", "pos", "location", "translation", "camera", "pose", "transform")
 _NAME = re.compile("name|tag|type|joint|part|keypoint|label|landmark", re.IGNORECASE)
 _IN_SPACE = re.compile("world|3d", re.IGNORECASE)
 _SIZES = {len(joints) for joints in JOINT_SETS.values()}
@@ -51,6 +55,9 @@ MAX_POSES = 3
 
 MAX_DEPTH = 4
 """Number of levels of a frame in which its poses are searched."""
+
+MAX_CONTAINERS = 20_000
+"""Number of lists and objects of a document by which it is described."""
 
 MAX_PEOPLE = 16
 """Number of people in a frame; a longer list of poses has the frames of a recording."""
@@ -88,20 +95,58 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
     names = dict.fromkeys(name for name, _ in islice(_joints(document), MAX_JOINTS))
     if len(names) >= MIN_NAMES:
         refuse_incomplete(path, list(names))
+    found, is_flat = described(document)
     with opened(path) as file:
-        head = file.read(20_000)
-    is_flat = re.search(b"_2d|keypoints", head) is not None
-    start = head.lstrip(b"\xef\xbb\xbf \r\n\t")[:1]
+        start = file.read(99).lstrip(b"\xef\xbb\xbf \r\n\t")[:1]
     kind = "XML" if start == b"<" else "JSON" if start in (b"{", b"[") else "lists in brackets"
-    keys = f" with the keys {', '.join(map(str, list(document)[:8]))}" if isinstance(document, dict) else ""
     raise SkeletonLogError(
         path,
-        found=f"{kind} with positions in an image (2D)" if is_flat else f"{kind}{keys}, without positions in space",
+        found=f"{kind}{found}",
         expected="x, y and z of a person's landmarks in each frame",
         fix="Use the tracker's positions in space (MediaPipe: pose_world_landmarks), or the video itself."
         if is_flat
         else EXPORT,
     )
+
+
+def described(document: Any) -> tuple[str, bool]:
+    """Return what a document without a person has, for messages, and whether these are positions in an image."""
+    groups: Counter[tuple[int, int]] = Counter()
+    for value in islice(_containers(document), MAX_CONTAINERS):
+        if isinstance(value, dict) and any(re.search("2d", str(key), re.IGNORECASE) for key in value):
+            return " with positions in an image (2D)", True
+        each = list(value.values()) if isinstance(value, dict) else value
+        sizes = [2 if _is_flat(point) else 3 if _point(point) not in (None, _LOST) else 0 for point in each]
+        if all(map(_is_number, each)) and len(each) % 2 == 0 and len(each) // 2 in _SIZES:
+            sizes = [] if _point_sizes(len(each)) else [2] * (len(each) // 2)  # x and y in turn
+        groups.update([(len(sizes) - sizes.count(0), max(sizes))] if sizes.count(0) < MIN_NAMES < len(sizes) else [])
+    count, size = max(groups, default=(0, 0))
+    if size == 2:
+        return " with positions in an image (2D)", True
+    if size == 3 and as_of(count):
+        return f" of {count} points{as_of(count)}", False
+    points = f"with {count} points that are no person's" if size == 3 else "without positions in space"
+    amount, first = "", document
+    if isinstance(document, list):
+        amount, first = f", a list of {len(document):,}", document[0] if document else None
+    keys = f" with the keys {', '.join(map(str, list(first)[:8]))}" if isinstance(first, dict) and first else ""
+    return f"{amount}{keys}, {points}", False
+
+
+def _containers(value: Any) -> Iterator[Any]:
+    """Yield the lists and dictionaries in a value, itself included."""
+    if isinstance(value, (list, dict)):
+        yield value
+        for each in value.values() if isinstance(value, dict) else value:
+            yield from _containers(each)
+
+
+def _is_flat(value: Any) -> bool:
+    """Return whether a value is a point of an image: x and y only, or with a score."""
+    if isinstance(value, dict):
+        own = {str(key).lower(): each for key, each in value.items()}
+        return _is_number(own.get("x")) and _is_number(own.get("y")) and "z" not in own
+    return isinstance(value, list) and len(value) == 2 and all(map(_is_number, value))
 
 
 def clips_of(path: Path, log_format: str, document: Any, options: ReadOptions) -> list[SkeletonClip]:
@@ -138,13 +183,17 @@ def _clip(
         rows = _as_points(rows[..., 0], options)
     if not names:
         names = JOINT_SETS[joint_set(path, rows[..., :3], options.joints, "JSON")]
+    elif all(map(str.isdecimal, names)):
+        names, order = numbered(path, list(map(int, names)), rows[..., :3], options.joints, "JSON")
+        rows = rows[:, order]
     confidence = confidence_of(rows[..., 3]) if np.isfinite(rows[..., 3]).any() else None
     times = None
     notes: tuple[str, ...] = ()
     for keys, counts in ((_TIMES, False), (_FRAMES, True)):
-        key = next((key for key in keys if all(_is_number(frame.get(key)) for _, frame, _ in same)), None)
-        if key is not None and times is None:
-            times, notes = seconds_of(np.array([float(frame[key]) for _, frame, _ in same]), options, counts=counts)
+        stamps = (moments([str(frame[key]) for _, frame, _ in same]) for key in keys if key in same[0][1])
+        stamp = None if times is not None else next((each for each in stamps if each is not None), None)
+        if stamp is not None:
+            times, notes = seconds_of(stamp, options, counts=counts)
     if times is None:
         fps, notes = frame_rate(options, DEFAULT_FPS)
         times = np.array([index for index, _, _ in same]) / fps
@@ -229,9 +278,7 @@ def _pose(value: Any) -> _Pose | None:
     """Return the pose that a value is; None if it is none."""
     if isinstance(value, dict):
         own = {name: point for name, each in value.items() if (point := _point(each)) is not None}
-        if len(own) == len(value) in _SIZES and all(key.isdecimal() for key in own):
-            return _Pose(None, list(own.values()))
-        if len(own) >= MIN_NAMES and is_person(list(own)):
+        if len(own) >= MIN_NAMES and (all(map(str.isdecimal, own)) or is_person(list(own))):
             return _Pose(tuple(own), list(own.values()))
     joints = list(islice(_joints(value), MAX_JOINTS + 1))
     names = tuple(name for name, _ in joints)

@@ -28,6 +28,7 @@ HIP_DISTANCE_METRES = 2.5
 
 METRES_PER_UNIT = {
     "metres": 1.0,
+    "feet": 0.3048,
     "decimetres": 0.1,
     "CMU units of 1/0.45 inch": 0.0254 / 0.45,
     "inches": 0.0254,

@@ -23,10 +23,9 @@ from capture.formats._columns import TABLE, without_prefix
 from capture.formats._rows import read_lines, whole_lines
 from capture.formats._table import EXPORT, UNNAMED, Layout, Table
 from capture.formats.clips import DEFAULT_FPS, MAX_JOINTS, frame_rate
-from capture.formats.joint_sets import UnclearOrderError, clearest, fits, joint_set
-from capture.formats.layouts import JOINT_SETS
+from capture.formats.joint_sets import UnclearOrderError, numbered
 from capture.formats.options import ReadOptions
-from capture.formats.positions import clip_of_positions, is_person
+from capture.formats.positions import clip_of_positions
 from capture.skeleton import INFERRED, LOST, TRACKED
 from puppetline.errors import SkeletonLogError
 
@@ -196,7 +195,9 @@ def _performer(table: Table, layout: Layout, rows: Rows) -> Performer:
             )
     performer = performer._replace(names=without_prefix(performer.names))
     if all(name.isdecimal() for name in performer.names):
-        performer = _numbered(table, performer)
+        numbers = [int(name) for name in performer.names]
+        names, order = numbered(table.path, numbers, performer.positions, table.options.joints, "a table")
+        performer = Performer(names, performer.positions[:, order], performer.confidence[:, order], None)
     times, notes = _times(table, layout, rows)
     return performer._replace(times=times, notes=notes)
 
@@ -248,41 +249,11 @@ def _with_a_row_per_joint(
     return rows[starts], Performer(distinct, points, sure, None)
 
 
-def _numbered(table: Table, performer: Performer) -> Performer:
-    """Return a performer whose joints have numbers with the names of a set of joints."""
-    order = sorted(range(len(performer.names)), key=lambda index: int(performer.names[index]))
-    numbers = [int(performer.names[index]) for index in order]
-    positions, confidence = performer.positions[:, order], performer.confidence[:, order]
-    if numbers != list(range(len(numbers))) and numbers != list(range(1, len(numbers) + 1)):
-        return _numbered_part(table, numbers, positions, confidence)
-    name = joint_set(table.path, positions, table.options.joints, "a table")
-    return Performer(JOINT_SETS[name], positions, confidence, None)
-
-
-def _numbered_part(
-    table: Table, numbers: Sequence[int], positions: Floats, confidence: NDArray[np.float32]
-) -> Performer:
-    """Return a performer whose joints are some of a set, by their numbers in it from 0."""
-    sets = {name: own for name, own in JOINT_SETS.items() if len(own) > numbers[-1]}
-    names = [name for name, own in sets.items() if is_person([own[k] for k in numbers])]
-    names = [name for name in names if table.options.joints in (None, name)]
-    found = []
-    for name in names if len(names) > 1 else []:
-        whole = np.full((len(positions), len(JOINT_SETS[name]), 3), np.nan)
-        whole[:, numbers] = positions
-        found += fits(whole, [name])
-    if found:
-        names = [clearest(table.path, found, "a table of joints with numbers").name]
-    if len(names) != 1:
-        table.refuse(f"a table of joints with the numbers {', '.join(map(str, numbers))[:80]}")
-    return Performer([JOINT_SETS[names[0]][k] for k in numbers], positions, confidence, None)
-
-
 def _times(table: Table, layout: Layout, rows: Rows) -> tuple[Floats | None, tuple[str, ...]]:
     """Return the seconds of rows, None without a column that tells them, and notes."""
     for role in ("time", "frame"):
         texts = table.texts(layout, role)
-        values = _moments([texts[row] for row in rows]) if texts else None
+        values = moments([texts[row] for row in rows]) if texts else None
         if values is not None:
             name = table.column_name(layout.fields[role]).lower()
             words = name.translate(str.maketrans("_()[]", "     ")).split()
@@ -297,8 +268,8 @@ def _is_whole(values: Floats) -> bool:
     return bool((values == np.round(values)).all())
 
 
-def _moments(texts: Sequence[str]) -> Floats | None:
-    """Return the numbers, or the seconds between dates or times of day, in cells; None if they are neither."""
+def moments(texts: Sequence[str]) -> Floats | None:
+    """Return the numbers, or the seconds between dates or times of day, in texts; None if they are neither."""
     values = [number(text) for text in texts]
     if None not in values:
         found = np.array(values, dtype=np.float64)

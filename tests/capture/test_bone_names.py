@@ -98,3 +98,8 @@ def test_a_word_before_most_names_says_nothing():
     others = ["L_Radius_RIGMESH", "R_Radius_RIGMESH", "Torso_RIGMESH", "Pelvis_RIGMESH"]
     found = find_bones([*(f"Character1_{name}" for name in names), *others])
     assert found == find_bones(names)
+
+
+def test_a_word_with_which_all_names_begin_says_nothing():
+    names = ["Hips", "Neck", "Head", "LeftArmUpper", "LeftArmLower", "RightArmUpper", "RightArmLower"]
+    assert find_bones([f"FullBody_{name}" for name in names]) == find_bones(names)

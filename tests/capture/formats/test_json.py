@@ -1,3 +1,5 @@
+import math
+
 import pytest
 
 from capture.formats import _json
@@ -34,3 +36,25 @@ def test_a_file_that_is_too_large_or_not_there_is_refused(load, tmp_path, monkey
     for read in (lambda: load("[1, 2, 345]"), lambda: _json.load(tmp_path / "absent.json")):
         with pytest.raises(SkeletonLogError):
             read()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '{"head": [0.5, 1, NaN], "ok": true, "who": null}\n{"head": [2, 3, 4]}\n',
+        "{'head': (0.5, 1, nan), 'ok': True, 'who': None}\n\n{'head': [2, 3, 4]}\n",
+        "{'head': array([np.float64(0.5), 1, nan], dtype=float32), 'ok': True, 'who': None}\n{'head': [2, 3, 4]}\n",
+        '{"head": [0.5, 1, NaN], "ok": true, "who": null}\n{"head": [2, 3, 4]}\n{"head": [5, 6',
+        '{"head": [0.5, 1, NaN], "ok": true, "who": null},\n{"head": [2, 3, 4]},\n',
+    ],
+)
+def test_lines_may_be_documents_as_json_or_as_python_prints_them(load, text):
+    first, second = load(text).data
+    assert (first["head"][:2], first["ok"], first["who"]) == ([0.5, 1], True, None)
+    assert math.isnan(first["head"][2])
+    assert second == {"head": [2, 3, 4]}
+
+
+def test_a_line_that_is_no_document_is_refused_with_its_place(load):
+    with pytest.raises(SkeletonLogError, match="column"):
+        load("{'head': (1, 2, 3)}\nsome words\n{'head': (1, 2, 3)}\n")

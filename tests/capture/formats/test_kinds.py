@@ -17,6 +17,8 @@ CONTENTS = {
     "web page": b"\n<!DOCTYPE html><html>",
     "Git LFS": b"version https://git-lfs.github.com/spec/v1\noid sha256:00\n",
     "HDF5": b"\x89HDF\r\n\x1a\n" + bytes(99),
+    "Parquet": b"PAR1\x15\x04" + bytes(99),
+    "companion file of macOS": b"\0\5\x16\7\0\2\0\0Mac OS X        " + bytes(99),
     "picture": b"\x89PNG\r\n\x1a\n" + bytes(99),
     "glTF": b'{"scenes": [], "nodes": [{"name": "left_elbow"}], "skins": [{"joints": [0]}], "accessors": []}',
     "glTF ": b'{"asset" : {"version": "2.0"}, "nodes": [{"name": "left_elbow"}], "skins": [{"joints": [0]}]}',
@@ -25,21 +27,23 @@ CONTENTS = {
     "columns speed, weight": b"speed,weight,age\n" + 99 * b"1,2,3\n",
     "binary": bytes(range(256)) * 9,
     "no z": b"time,left_shoulder_x,left_shoulder_y\n1,2,3\n2,3,4\n",
-    "rows of numbers": b"some notes\n",
-    "no elbow_left and elbow_right": b",".join(
-        f"{side}_{joint}_{axis}".encode()
-        for joint in ("shoulder", "hip", "knee", "wrist")
-        for side in ("left", "right")
-        for axis in "xyz"
-    )
-    + b"\n"
-    + 9 * (b"1.5," * 24 + b"\n"),
-    "in an image": b'"(12, 45)","(13, 46)","(14, 47)"\n' * 9,
+    "lines such as 'some notes'": b"some notes\n",
+    "columns Time (s), Motion": b"Time (s),Motion\n0.0,1.5\n1.0,1.25\n2.0,1.5\n",
+    "a, b, c, d, e, f, without rows of three numbers": b"a,b,c,d,e,f\n",
+    "columns day, name, remark": b"day,name,remark\n1,a,b c\n2,d,e f\n3,g,h\n",
+    "9 × 2 numbers in a line: positions in an image": 9
+    * (b"im.png," + b",".join([b"\"['Nose', (33, 17)]\""] * 9) + b"\n"),
+    "lie in a plane: positions in an image": b"".join(
+        b"%d," % row + b",".join(b"%d.5,%d,0.9" % (37 * k % 101 + row, 53 * k % 97 + row) for k in range(17)) + b"\n"
+        for row in range(9)
+    ),
+    "63 columns without names, as a hand has": 9
+    * (b",".join(b"%d.5,%d,%d" % (7 * k % 11, 5 * k % 13, 3 * k % 7) for k in range(21)) + b"\n"),
     "in an image ": b"0,1,2\n" + b'"[0.1, 0.2]","[0.2, 0.3]","[0.3, 0.4]"\n' * 9,
-    "20 × 2 numbers in one cell: positions in an image": 9 * (b"|[" + b", ".join([b"(1.5, 2.5)"] * 20) + b"]|\n"),
+    "20 × 2 numbers in a line: positions in an image": 9 * (b"|[" + b", ".join([b"(1.5, 2.5)"] * 20) + b"]|\n"),
     "arrays as NumPy prints them": 9 * b"[-0.71 -3.6e-01  0.44],[ 0.21 0.17 0.51]\n",
     "BVH without its skeleton": b"MOTION\nFrames: 9\nFrame Time: 0.04\n" + 9 * b"0 0 0 1.5\n",
-    "17 × 3 numbers in one cell, the third a score: positions in an image": b"frame,keypoints\n"
+    "17 × 3 numbers in a line, the third a score: positions in an image": b"frame,keypoints\n"
     + 9 * (b'0,"[' + b", ".join([b"[0.38, 0.46, 0.04]"] * 17) + b']"\n'),
     "commas both in numbers and between them": b"Head,-0,16274,0,4911776,2,89635\n" * 9,
 }
@@ -66,7 +70,7 @@ def test_numbers_in_a_file_with_the_name_of_a_bvh_are_its_motion(tmp_path):
 def test_other_text_with_the_name_of_a_bvh_is_called_what_it_is(tmp_path):
     path = tmp_path / "take.bvh"
     path.write_text("a note about a walk\n")
-    assert refusal(path).found == "text without rows of numbers"
+    assert refusal(path).found == "text with lines such as 'a note about a walk'"
 
 
 @pytest.mark.parametrize(
@@ -79,3 +83,11 @@ def test_an_archive_is_called_by_what_is_in_it(tmp_path, names, kind):
         for name in names:
             archive.writestr(name, b"content")
     assert kind in refusal(path).found
+
+
+def test_points_of_a_hand_are_called_so(tmp_path):
+    path = tmp_path / "take.csv"
+    row = ",".join(f"{7 * k % 11},{5 * k % 13},{3 * k % 7}" for k in range(21))
+    path.write_text(",".join(f"{axis}{k}" for k in range(21) for axis in "xyz") + f"\n{row}\n{row}\n")
+    with pytest.raises(SkeletonLogError, match=r"21 joints without names, .* as a hand has"):
+        read_log(path)

@@ -35,6 +35,11 @@ FORMS = {
         {"joint": name, "cameraX": x, "cameraY": y, "cameraZ": z, "depthX": 7, "depthY": 8}
         for name, (x, y, z) in zip(BLAZEPOSE, listed(pose), strict=True)
     ],
+    "numbers of joints": lambda pose: {str(index): point for index, point in reversed([*enumerate(listed(pose))])},
+    "poses": lambda pose: [
+        {"name": name, "pose": {"position": dict(zip("xyz", point, strict=True)), "rotation": {"w": 1, "x": 0, "y": 0}}}
+        for name, point in zip(BLAZEPOSE, listed(pose), strict=True)
+    ],
     "lists": listed,
     "numbers": lambda pose: {"people": [{"pose_keypoints_3d": [float(each) for each in pose.ravel()]}]},
 }
@@ -198,3 +203,44 @@ def test_a_pose_in_an_image_replaces_none_in_space(read):
     kept = [0, 1, 3]
     np.testing.assert_allclose(clip.times, np.array(kept) / 30)
     np.testing.assert_allclose(clip.positions[:, ARMS], person()[kept][:, ARMS], atol=1e-9)
+
+
+def test_numbers_of_some_joints_are_those_of_the_order_that_gives_a_person(read):
+    points = joints_as(JOINT_SETS["body_25"])[:, :9]  # to the middle of the hips
+    points[:, [0, 8]] = person()[:, [JOINT_INDEX["head"], JOINT_INDEX["hip_center"]]]
+    frames = [
+        {**{str(index): list(point) for index, point in enumerate(pose)}, "timestamp": f"15:48:{second:04.1f}"}
+        for pose, second in zip(points, (48, 48.2, 48.7), strict=False)
+    ]
+    [clip] = read(landmarks_json, "\n".join(map(repr, frames)))
+    arms = [joint for joint in ARMS if not JOINTS[joint].startswith("knee")]
+    np.testing.assert_allclose(clip.positions[:, arms], person()[:3, arms], atol=1e-9)
+    assert np.isnan(clip.positions[:, JOINT_INDEX["knee_left"]]).all()
+    np.testing.assert_allclose(clip.times, [0, 0.2, 0.7], atol=1e-6)
+
+
+PLANE, SPACE = [[float(k), k / 3] for k in range(21)], [[float(k), k / 3, k * k / 7] for k in range(21)]
+
+
+@pytest.mark.parametrize(
+    ("document", "found"),
+    [
+        ([{"hand": SPACE}] * 3, "21 points, as a hand has"),
+        ({"0": [[k, k + 0.5, k * k] for k in range(478)]}, "478 points, as a face has"),
+        ([{"hand_xy": dict(zip("abcdefghijklmnopqrstu", PLANE, strict=True))}] * 3, "positions in an image"),
+        ({"frames": [[{"x": 1.5, "y": 2.5, "score": 0.5}] * 17] * 3}, "positions in an image"),
+        ({"people": [{"pose_keypoints_2d": [0.5] * 75}]}, "positions in an image"),
+        ({"train": [{"points": list(range(34)), "label": 2}] * 3}, "positions in an image"),
+        ([{"roll": 1.5, "accX": [1, 2, 3]}] * 9, ", a list of 9 with the keys roll, accX, without positions in space"),
+        ({"poses": [{"base": [0, 0, 1], "joints": {"hip": 0.5}}]}, "keys poses, without positions in space"),
+    ],
+)
+def test_a_document_without_a_person_is_called_what_it_has(read, document, found):
+    with pytest.raises(SkeletonLogError) as caught:
+        read(landmarks_json, json.dumps(document))
+    assert found in caught.value.found
+
+
+@pytest.mark.parametrize("rest", ['"nodes": [{"translation": [0, 1, 2]}]', '"skins": [{"index": 3, "matrix": [1, 0]}]'])
+def test_a_character_of_json_is_no_recording(rest):
+    assert not landmarks_json.matches(f'{{"asset": {{"version": "2.0"}}, {rest}}}'.encode())

@@ -108,7 +108,7 @@ def faults(stage, tmp_path, limbed_puppet, blob_file):
 
 
 UNUSABLE = """
-convert bad.log --puppet blob.toml -o out.glb                             → bad.log; text that is no table; CSV
+convert bad.log --puppet blob.toml -o out.glb                             → bad.log; line 3 has 3 columns; CSV
 convert take.log --puppet bad.toml -o out.glb                             → bad.toml, [[handle]] 3 'head', gian; 'gain'
 convert take.log --puppet blob.toml -o no/out.glb                         → no/out.glb; mkdir -p no
 convert take.log --puppet blob.toml -o blob.glb                           → blob.glb; an input file

@@ -84,7 +84,7 @@ def test_parts_and_doubled_triangles_are_counted(blob, tmp_path):
 
 def test_folders_and_unknown_kinds_of_files_are_refused(tmp_path):
     (tmp_path / "notes.txt").write_text("hello")
-    for name, found in (("none", "no such file"), ("", "a folder"), ("notes.txt", "text without rows of numbers")):
+    for name, found in (("none", "no such file"), ("", "a folder"), ("notes.txt", "text with lines such as 'hello'")):
         with pytest.raises(PuppetlineError) as error:
             inspect(tmp_path / name)
         assert error.value.found == found

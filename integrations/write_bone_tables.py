@@ -33,7 +33,7 @@ JAVASCRIPT = """// {made}
 /** @type {{BoneTable}} */
 export const TABLE = {table};
 """
-GDSCRIPT = 'extends RefCounted\n## {made}\n\nconst JSON_TEXT := """\n{table}\n"""\n'
+GDSCRIPT = 'extends RefCounted\n## {made}\n\n# gdlint: disable=max-line-length\nconst JSON_TEXT := """\n{table}\n"""\n'
 CSHARP = """namespace Puppetline
 {{
     /// <summary>{made}</summary>

@@ -1,6 +1,7 @@
 extends RefCounted
 ## Made by integrations/write_bone_tables.py from capture/bone_names.toml.
 
+# gdlint: disable=max-line-length
 const JSON_TEXT := """
 {
   "conventions": [

@@ -182,7 +182,14 @@ def _hang(joints: Sequence[Joint], meanings: Sequence[JointMeaning | None], pare
     group_of = {index: top for top, group in groups.items() for index in group}
     held = {index: _thinned(joints[index].vertices) for index in group_of if len(joints[index].vertices)}
     size = float(np.ptp(np.concatenate(list(held.values())), axis=0).max())
-    main = max(groups, key=lambda top: (labels[tops[top]] not in ("arm", "leg"), _held(joints, groups[top])))
+    main = max(
+        groups,
+        key=lambda top: (
+            any(labels[index] == "trunk" for index in groups[top]),
+            labels[tops[top]] not in ("arm", "leg"),
+            _held(joints, groups[top]),
+        ),
+    )
     for top in sorted(groups, key=lambda top: _held(joints, groups[top])):
         parent, own = parents[top], group_of[top]
         near = parent >= 0 and np.linalg.norm(joints[top].place - joints[parent].place) < NEAR_SHARE * size

@@ -54,6 +54,9 @@ _WORD = re.compile("[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[0-9]+|[^ -~]+")
 _WORDS = {word: part for part, words in TABLE["words"].items() for word in words.split()}
 _FINS, _ORNAMENTS = (frozenset(TABLE["anywhere"][kind].split()) for kind in ("wing", "ornament"))
 _POINTS = {word: point for point, words in TABLE["points"].items() for word in words.split()}
+_INNER_ENDS = {word for word, point in _POINTS.items() if point in ("wrist", "ankle")}
+"""Words for where a hand or foot begins, which may follow it: ``HandWrist``."""
+
 _KNOWN = _WORDS.keys() | _POINTS.keys()
 _DECORATION, _CONTROLS = (frozenset(TABLE["other"][kind].split()) for kind in ("decoration", "controls"))
 _GLUED_SIDES = (re.compile("(?P<side>left|right|l|r)(?P<own>.+)"), re.compile("(?P<own>.+?)(?P<side>left|right|l|r)"))
@@ -187,6 +190,8 @@ def find_points(names: Sequence[str]) -> dict[str, list[int]]:
     for index, words in enumerate(_without_shared_words([_words(name) for name in names])):
         side, own = _without_side(words)
         point = _POINTS.get(_without_digits("".join(own)))
+        if not point and len(own) > 1 and own[0] in _WORDS and own[-1] in _INNER_ENDS:
+            point = _POINTS[own[-1]]
         if point:
             found.setdefault(f"{point}_{side}" if side else point, []).append(index)
     return found
@@ -204,12 +209,13 @@ def _words(name: str) -> list[str]:
 
 def _without_shared_words(split: list[list[str]]) -> list[list[str]]:
     """Return the words of names without those before and after them that (nearly) all joints share, and no part is."""
-    least = SHARED_WORD_SHARE * max(sum(map(bool, split)), MIN_SHARING_JOINTS)
+    joints = max(sum(map(bool, split)), MIN_SHARING_JOINTS)
+    least = SHARED_WORD_SHARE * joints
     for end in (0, -1):
         counts = Counter(words[end] for words in split if words)
         word, count = max(counts.items(), key=lambda each: each[1], default=("", 0))
-        is_of_all = count >= max(ALL_SHARE * len(split), MIN_SHARING_JOINTS)
-        if count >= least and (word not in _WORDS.keys() | _ORNAMENTS or is_of_all) and word not in SIDES:
+        known = word in _WORDS.keys() | _ORNAMENTS
+        if count >= least and (not known or count >= ALL_SHARE * joints) and word not in SIDES:
             rest = slice(-1) if end else slice(1, None)
             return _without_shared_words([words[rest] if words[end:][:1] == [word] else words for words in split])
     return split

@@ -40,7 +40,7 @@ CLEAR_RATIO = 1.15
 """How much worse the next best set must be."""
 
 
-_OTHERS = {21: "a hand", 42: "two hands", 68: "a face", 468: "a face", 478: "a face"}
+_OTHERS = {21: "a hand", 68: "a face", 468: "a face", 478: "a face"}
 """What else has so many points in common trackers."""
 
 

@@ -9,6 +9,7 @@ from capture.bone_names import (
     JointMeaning,
     bone_name,
     find_bones,
+    find_points,
     joint_meanings,
     ornaments,
 )
@@ -103,3 +104,8 @@ def test_a_word_before_most_names_says_nothing():
 def test_a_word_with_which_all_names_begin_says_nothing():
     names = ["Hips", "Neck", "Head", "LeftArmUpper", "LeftArmLower", "RightArmUpper", "RightArmLower"]
     assert find_bones([f"FullBody_{name}" for name in names]) == find_bones(names)
+
+
+def test_a_wrist_or_ankle_may_follow_the_part_that_begins_there():
+    names = ["Body_LeftHandWrist", "Body_RightFootAnkle", "Body_LeftHandPalm", "Body_RightHandWristTwist", "Body_Head"]
+    assert find_points(names) == {"wrist_left": [0], "ankle_right": [1]}

@@ -60,6 +60,12 @@ def test_the_content_tells_the_kind(tmp_path, kind):
     assert str(caught.value) == str(refusal(path))
 
 
+def test_a_table_of_fourteen_bodies_with_nine_numbers_is_not_called_hands(tmp_path):
+    path = tmp_path / "model.txt"
+    path.write_text(9 * f"{' '.join(f'{7 * k % 11}.5' for k in range(126))}\n")
+    assert refusal(path).found == "a table with 126 columns without names"
+
+
 def test_numbers_in_a_file_with_the_name_of_a_bvh_are_its_motion(tmp_path):
     path = tmp_path / "take.BVH"
     path.write_text(9 * f"{' '.join(['1.5'] * 96)}\n")

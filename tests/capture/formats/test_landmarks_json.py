@@ -244,3 +244,26 @@ def test_a_document_without_a_person_is_called_what_it_has(read, document, found
 @pytest.mark.parametrize("rest", ['"nodes": [{"translation": [0, 1, 2]}]', '"skins": [{"index": 3, "matrix": [1, 0]}]'])
 def test_a_character_of_json_is_no_recording(rest):
     assert not landmarks_json.matches(f'{{"asset": {{"version": "2.0"}}, {rest}}}'.encode())
+
+
+QUEST = (
+    "Hips SpineMiddle Chest Neck Head LeftShoulder LeftArmUpper LeftArmLower LeftHandWrist RightShoulder RightArmUpper "
+    "RightArmLower RightHandWrist LeftUpperLeg LeftLowerLeg LeftFootAnkle RightUpperLeg RightLowerLeg RightFootAnkle"
+)
+QUEST_JOINTS = [
+    *("hip_center", "spine", "spine", "shoulder_center", "head"),
+    *("shoulder_center", "shoulder_left", "elbow_left", "wrist_left"),
+    *("shoulder_center", "shoulder_right", "elbow_right", "wrist_right"),
+    *(f"{joint}_{side}" for side in ("left", "right") for joint in ("hip", "knee", "ankle")),
+]
+
+
+def test_headsets_name_joints_after_the_whole_body(read):
+    frames = [
+        {"joints": [{"name": f"FullBody_{name}", "pose": {"position": dict(zip("xyz", pose[joint], strict=True))}}
+                    for name, joint in zip(QUEST.split(), map(JOINT_INDEX.get, QUEST_JOINTS), strict=True)]}
+        for pose in person().tolist()
+    ]  # fmt: skip
+    [clip] = read(landmarks_json, json.dumps(frames))
+    ends = [*ARMS, *(JOINT_INDEX[f"ankle_{side}"] for side in ("left", "right"))]
+    np.testing.assert_allclose(clip.positions[:, ends], person()[:, ends], atol=1e-9)

@@ -43,8 +43,10 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial.transform import Rotation
 
 from engine_bridge.character.character import CharacterMesh, load_character, make_character
-from engine_bridge.puppet.proposal import axes_of, limbs_of_shape
+from engine_bridge.puppet.limb_proposal import limb_tables
+from engine_bridge.puppet.proposal import PLACEHOLDER_HANDLES, axes_of, fitting, limbs_of_shape
 from engine_bridge.puppet.puppet import Direction
+from engine_bridge.puppet.puppet_file import check
 from engine_bridge.puppet.rig_bones import rig_bones
 from engine_bridge.puppet.rig_limbs import rig_limbs
 from engine_bridge.puppet.skin_joints import vertex_influences
@@ -223,13 +225,18 @@ Finder = Callable[[CharacterMesh], Answer]
 def find(character: CharacterMesh) -> Answer:
     """Return the answer of `puppetline new`."""
     rig = rig_limbs(character)
-    axes = axes_of(rig)
+    axes, surface = axes_of(rig), character.solver_mesh()
     if rig is not None and axes is not None:
-        return Answer(rig.limbs, *axes, rig.bodies[0][0])
-    surface = character.solver_mesh()
-    stands = orientation.propose(surface, None, None, specified=rig is not None)
-    stands, limbs = limbs_of_shape(surface, stands)
-    return Answer(limbs, stands.up, stands.front, stands.confidence)
+        answer = Answer(rig.limbs, *axes, rig.bodies[0][0])
+    else:
+        stands = orientation.propose(surface, None, None, specified=rig is not None)
+        stands, limbs = limbs_of_shape(surface, stands)
+        answer = Answer(limbs, stands.up, stands.front, stands.confidence)
+    values = {"character": {"mesh": "a.glb", "up": answer.up, "front": answer.front}, "root": {}, "retarget": {}}
+    standing = check(values | {"handle": PLACEHOLDER_HANDLES}, "the proposal").character
+    tables = [limb.model_dump(exclude_none=True) for limb in limb_tables(answer.limbs, standing)]
+    kept = {table["name"] for table in fitting(values | {"handle": []}, tables, surface)[0]} if tables else set()
+    return replace(answer, limbs=Limbs(tuple(chain for chain in answer.limbs.chains if chain.name in kept)))
 
 
 def unnamed(character: CharacterMesh) -> CharacterMesh:

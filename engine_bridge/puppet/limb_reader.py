@@ -311,9 +311,9 @@ class LimbReader:
         return JointChain(np.array([low, nearest, high]))
 
     def bottom(self, high: NDArray[np.float64], head: Sequence[int]) -> NDArray[np.float64]:
-        """Return the end of a trunk without legs and tail that is farthest from its other end."""
-        ends = self.graph.tips[self.of_trunk(head) or [0]]
-        return np.asarray(ends[np.linalg.norm(ends - high, axis=1).argmax()])
+        """Return the end of a trunk without legs and tail that is farthest from the head, or from its other end."""
+        ends, top = self.graph.tips[self.of_trunk(head) or [0]], self.graph.tips[head[-1]] if len(head) else high
+        return np.asarray(ends[np.linalg.norm(ends - top, axis=1).argmax()])
 
     def head_of_trunk(self, trunk: JointChain) -> dict[str, JointChain]:
         """Return the head of a body whose skeleton has no joint for it: what follows the trunk above the shoulders."""

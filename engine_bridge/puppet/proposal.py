@@ -158,7 +158,7 @@ def new_puppet(
         proposed = limb_tables(found, standing, _checked(plan, found)) if limbs else []
         tables = [limb.model_dump(exclude_none=True) for limb in proposed]
         if tables and not places:
-            tables, note = _valid(values | {"handle": []}, tables, surface)
+            tables, note = fitting(values | {"handle": []}, tables, surface)
             notes += note
         values["limb"] = tables
         if not tables and not handles:
@@ -214,10 +214,19 @@ def _with_near_nodes(puppet: Puppet, character: CharacterMesh) -> Puppet:
     return puppet
 
 
-def _valid(
+def fitting(
     values: dict[str, Any], tables: list[dict[str, Any]], surface: SolverMesh
 ) -> tuple[list[dict[str, Any]], list[str]]:
-    """Return limbs that do not overlap and are inside the mesh, and a note if others were left out."""
+    """Return limbs that do not overlap and are inside the mesh, and a note if others were left out.
+
+    Parameters
+    ----------
+    values : dict
+        The other tables of the puppet.
+    tables : list of dict
+        The limbs.
+    surface : SolverMesh
+    """
     for omitted in OMITTED:
         rest = [table for table in tables if table["name"] not in omitted]
         if len(rest) + len(omitted) == len(tables) and _is_valid(values | {"limb": rest}, surface):

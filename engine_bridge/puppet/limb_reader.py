@@ -312,7 +312,8 @@ class LimbReader:
 
     def bottom(self, high: NDArray[np.float64], head: Sequence[int]) -> NDArray[np.float64]:
         """Return the end of a trunk without legs and tail that is farthest from the head, or from its other end."""
-        ends, top = self.graph.tips[self.of_trunk(head) or [0]], self.graph.tips[head[-1]] if len(head) else high
+        own, top = self.of_trunk(head) or [0], self.graph.tips[head[-1]] if len(head) else high
+        ends = np.concatenate([self.graph.places[own], self.graph.tips[own]])
         return np.asarray(ends[np.linalg.norm(ends - top, axis=1).argmax()])
 
     def head_of_trunk(self, trunk: JointChain) -> dict[str, JointChain]:

@@ -235,7 +235,7 @@ def find(character: CharacterMesh) -> Answer:
     values = {"character": {"mesh": "a.glb", "up": answer.up, "front": answer.front}, "root": {}, "retarget": {}}
     standing = check(values | {"handle": PLACEHOLDER_HANDLES}, "the proposal").character
     tables = [limb.model_dump(exclude_none=True) for limb in limb_tables(answer.limbs, standing)]
-    kept = {table["name"] for table in fitting(values | {"handle": []}, tables, surface)[0]} if tables else set()
+    kept = {table["name"] for table in fitting(values, tables, surface)[0]} if tables else set()
     return replace(answer, limbs=Limbs(tuple(chain for chain in answer.limbs.chains if chain.name in kept)))
 
 

@@ -36,6 +36,7 @@ _NUMBERS = re.compile(_NUMBER)
 _VECTOR = re.compile(rf"(?:[A-Za-z]*[\[({{<])*\s*{_LABELLED}(?:[\s,;]+{_LABELLED}){{2,}}\s*[\])}}>]*")
 _PAIR = re.compile(rf"[\[(]\s*{_NUMBER}\s*,\s*{_NUMBER}\s*[\])]")
 _TOKENS = re.compile(rf"(?<![\w.]){_NUMBER}(?![\w.])|[A-Za-z]\w*")
+
 MIN_SAME_LENGTH = 5
 """Number of rows of the same other length than most from which these have another form, and are no damaged lines."""
 

@@ -33,9 +33,11 @@ MAX_EXTRA_COLUMNS = 3
 
 EXPORT = "Export the motion as BVH, or the positions of the joints as a table (CSV)."
 IN_SPACE = "Use the tracker's positions in space, or the video itself."
-ROWS = "a table, whose rows have numbers"
 NAME_COLUMNS = "Name the columns in the first line, or those of each joint in a file: --columns FILE."
 """What to do with text that is no table, with positions in an image, and with columns that are not understood."""
+
+ROWS = "a table, whose rows have numbers"
+"""What was expected of text without such rows."""
 
 WIDTHS = (3, 4, 7)
 """Numbers of a joint without a header: x y z, then a state or a quaternion."""

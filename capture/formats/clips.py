@@ -1,6 +1,7 @@
 """The last step of every format reader: checked clips from arrays or frames."""
 
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -75,23 +76,27 @@ def _continued(times: NDArray[np.float64]) -> tuple[NDArray[np.float64], tuple[s
     """
     steps = np.diff(times)
     step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
-    starts = [0]
-    for index in np.flatnonzero(steps < 0) + 1:
-        passed = times[starts[-1] : index].max() - times[starts[-1]]
+    starts, seen, latest = [0], 0, -np.inf
+    for index in (np.flatnonzero(steps < 0) + 1).tolist():
+        seen, latest = index, max(latest, times[seen:index].max())
+        passed = latest - times[starts[-1]]
         goes_on = np.diff(times[index : index + MIN_RESTART_FRAMES])
         if (
             times[index - 1] - times[index] > passed / 2
             and len(goes_on) == MIN_RESTART_FRAMES - 1
             and (goes_on > 0).all()
         ):
-            starts.append(int(index))
+            starts.append(index)
+            latest = -np.inf
     if len(starts) == 1:
         return times, ()
-    times = times.copy()
-    for start in starts[1:]:
-        times[start:] += times[:start].max() + step - times[start]
+    continued, end = times.copy(), -np.inf
+    for start, stop in pairwise([*starts, len(times)]):
+        if start:
+            continued[start:stop] += end + step - times[start]
+        end = max(end, continued[start:stop].max())
     count = "once" if len(starts) == 2 else f"{len(starts) - 1} times"
-    return times, (f"The times begin again {count}. These frames follow the others.",)
+    return continued, (f"The times begin again {count}. These frames follow the others.",)
 
 
 def clips_by_performer(

@@ -97,6 +97,7 @@ def _describe(path: Path, head: bytes) -> tuple[str, str]:
 
 
 def _text(path: Path, head: bytes) -> tuple[str, str]:
+    """Return what a text is, by its lines, and what to do."""
     if found := _in_image(head.translate(_IN_SQUARES)):
         return found, IN_SPACE
     try:

@@ -75,7 +75,7 @@ def joint_graph(joints: Sequence[Joint]) -> JointGraph | None:
     Joints without vertices below them are dropped, if others have vertices. Parents may follow their children.
     """
     meanings = joint_meanings([joint.name for joint in joints], [len(joint.vertices) > 0 for joint in joints])
-    joints = _without_ornaments(joints, meanings)
+    joints = _with_empty_ornaments(joints, meanings)
     holds = np.array([len(joint.vertices) > 0 for joint in joints], dtype=bool)
     if not holds.any():
         holds = np.array([not is_control(joint.name) for joint in joints], dtype=bool)
@@ -94,7 +94,7 @@ def joint_graph(joints: Sequence[Joint]) -> JointGraph | None:
         del order[0]
     if len(joints[order[0]].vertices) > BARE_SHARE * _held(joints, order):
         _root_at_fork(parents, order[0])
-    order = _ordered({index: parents[index] for index in order})
+        order = _ordered({index: parents[index] for index in order})
     rows = {index: row for row, index in enumerate(order)}
     chosen = [joints[index] for index in order]
     places = np.array([joint.place for joint in chosen])
@@ -129,7 +129,7 @@ def joint_graph(joints: Sequence[Joint]) -> JointGraph | None:
     return JointGraph(graph, chosen, own)
 
 
-def _without_ornaments(joints: Sequence[Joint], meanings: Sequence[JointMeaning | None]) -> list[Joint]:
+def _with_empty_ornaments(joints: Sequence[Joint], meanings: Sequence[JointMeaning | None]) -> list[Joint]:
     """Return joints of which those of hair, clothes and the like hold nothing, nor do unknown ones that hang on them.
 
     What carries a part of the body is none of them, whatever its name.
@@ -161,7 +161,8 @@ def _hang(joints: Sequence[Joint], meanings: Sequence[JointMeaning | None], pare
 
     Feet with inverse kinematics hang on the root, and parts of an armature may have no parent. Joints that share
     triangles touch; of other joints, those whose vertices are nearest do. A root at the place of another joint hangs on
-    that. The largest branch that is no arm or leg is the body, and stays where it is.
+    that. The body stays where it is: the largest branch with a trunk by its names, else the largest that is no arm or
+    leg.
     """
     sides = [_side(meaning) for meaning in meanings]
     labels = [LABEL_OF.get(meaning.part) if meaning else None for meaning in meanings]

@@ -33,7 +33,7 @@ MIN_LEG_BONE_SHARE = 0.08
 """Minimum length of the bones of a leg below the third joint, as a share of the leg's length."""
 
 HEAD_PARTS = (None, "head", "ear", "eye", "jaw", "face")
-"""Parts below the head that count for its size; None for hair and the like."""
+"""Parts below the head that count for its size; None for joints whose names say nothing."""
 
 HEAD_SHARE = 0.3
 """Minimum height of a head without a joint above the shoulders, as a share of the trunk's length."""
@@ -322,9 +322,9 @@ class LimbReader:
         root, length = trunk.points[-1], np.linalg.norm(trunk.points[-1] - trunk.points[0])
         over = (np.concatenate([np.zeros((0, 3)), *held]) - root) @ self.body.up
         height = float(over.max(initial=0.0))
-        return (
-            {"head": JointChain(np.array([root, root + height * self.body.up]))} if height > HEAD_SHARE * length else {}
-        )
+        if height <= HEAD_SHARE * length:
+            return {}
+        return {"head": JointChain(np.array([root, root + height * self.body.up]))}
 
     def of_trunk(self, head: Sequence[int]) -> list[int]:
         """Return the nodes with vertices that are not on the head and the limbs of pairs."""

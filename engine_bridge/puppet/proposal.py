@@ -158,8 +158,8 @@ def new_puppet(
         proposed = limb_tables(found, standing, _checked(plan, found)) if limbs else []
         tables = [limb.model_dump(exclude_none=True) for limb in proposed]
         if tables and not places:
-            tables, note = fitting(values | {"handle": []}, tables, surface)
-            notes += note
+            tables, omissions = fitting(values, tables, surface)
+            notes += omissions
         values["limb"] = tables
         if not tables and not handles:
             at_ends = end_handles(found, surface, standing)
@@ -222,15 +222,16 @@ def fitting(
     Parameters
     ----------
     values : dict
-        The other tables of the puppet.
+        The other tables of the puppet; its handles do not count.
     tables : list of dict
         The limbs.
     surface : SolverMesh
     """
     for omitted in OMITTED:
         rest = [table for table in tables if table["name"] not in omitted]
-        if len(rest) + len(omitted) == len(tables) and _is_valid(values | {"limb": rest}, surface):
-            note = f"{', '.join(omitted)} would overlap another limb or leave the mesh, and is left out."
+        if len(rest) + len(omitted) == len(tables) and _is_valid(values | {"handle": [], "limb": rest}, surface):
+            is_or_are = "is" if len(omitted) == 1 else "are"
+            note = f"{' and '.join(omitted)} would overlap another limb or leave the mesh, and {is_or_are} left out."
             return rest, [note] if omitted else []
     return [], [
         "The limbs that were found overlap or leave the mesh, so handles are proposed instead. If the "

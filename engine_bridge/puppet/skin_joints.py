@@ -51,9 +51,7 @@ def joints_of(character: CharacterMesh) -> list[Joint]:
     document = character.document
     gltf = document.gltf
     parents = {child: index for index, node in enumerate(gltf["nodes"]) for child in node.get("children", [])}
-    shown = _shown(gltf["nodes"])
-    named = [index for index, node in enumerate(gltf["nodes"]) if node.get("name") and index not in shown]
-    nodes = sorted(character.joints) or named
+    nodes = sorted(character.joints) or _named(gltf["nodes"])
     vrm = _vrm_names(document)
     number = {node: index for index, node in enumerate(nodes)}
 
@@ -84,13 +82,19 @@ def joints_of(character: CharacterMesh) -> list[Joint]:
     return joints
 
 
-def _shown(nodes: Sequence[Mapping[str, Any]]) -> set[int]:
-    """Return the nodes that only show a mesh, each the only such child of a node without one: a bone shows it."""
-    found = set[int]()
-    for node in nodes:
+def _named(nodes: Sequence[Mapping[str, Any]]) -> list[int]:
+    """Return the nodes that have names, without those that only show the mesh of a bone."""
+    of_bones = _bones_of_meshes(nodes)
+    return [index for index, node in enumerate(nodes) if node.get("name") and index not in of_bones]
+
+
+def _bones_of_meshes(nodes: Sequence[Mapping[str, Any]]) -> dict[int, int]:
+    """Return the bone of each node that only shows a mesh: a named node without a mesh, whose only such child it is."""
+    found = {}
+    for bone, node in enumerate(nodes):
         meshes = [child for child in node.get("children", []) if "mesh" in nodes[child]]
         if node.get("name") and "mesh" not in node and len(meshes) == 1 and not nodes[meshes[0]].get("children"):
-            found.add(meshes[0])
+            found[meshes[0]] = bone
     return found
 
 
@@ -107,9 +111,8 @@ def are_nested(character: CharacterMesh) -> bool:
 
 
 def parts_above(character: CharacterMesh, nodes: Sequence[int]) -> list[int]:
-    """Return the row of the nearest shown node above each one, −1 for none; a bone may show it."""
-    shown = _shown(character.document.gltf["nodes"])
-    bones = {node: parent for node, parent in tree(character.document) if parent is not None and node in shown}
+    """Return the row of the nearest shown node above each one, −1 for none; the bone of a mesh stands for it."""
+    bones = _bones_of_meshes(character.document.gltf["nodes"])
     own = [bones.get(node, node) for node in nodes]
     rows, found = {node: row for row, node in enumerate(own)}, dict[int, int]()
     for node, parent in tree(character.document):

@@ -319,8 +319,7 @@ class View:
             measures = self.pair_measures(head)
             scores = np.array([measures[:, k] @ weights[label] for k, label in enumerate(PAIR_LABELS)]).T
             scores[np.ix_(self.beyond(head), np.arange(len(PAIR_LABELS)) != PAIR_LABELS.index("ear"))] = -np.inf
-            if tail >= 0:  # fins
-                scores[self.beyond(tail), PAIR_LABELS.index("leg")] = -np.inf
+            scores[self.beyond(tail), PAIR_LABELS.index("leg")] = -np.inf  # what hangs on a tail are fins
             labels, total = _assigned(scores)
             total += (singles[head, 0] if head >= 0 else 0.0) + (singles[tail, 1] if tail >= 0 else 0.0)
             best = max(best, (float(total), head, tail, labels), key=lambda each: each[0])
@@ -362,7 +361,7 @@ class View:
         knees = np.concatenate([np.zeros((0, 3)), *(shape.bends for shape in legs)]) @ self.front
         arms = [shape.bends for label, shape in chosen if label == "arm"]
         elbows = -np.concatenate([np.zeros((0, 3)), *arms]) @ self.front
-        lies = len(legs) > 1 or (not arms and ("wing" in labels or not legs))
+        lies = len(legs) > 1 or (not arms and ("wing" in labels or not legs))  # the head is ahead, and not above
         marks, face = np.flatnonzero(graph.faces), 0.0
         if "head" in singles and len(marks):
             way = singles["head"]

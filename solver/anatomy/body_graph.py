@@ -181,7 +181,7 @@ def _limbs(graph: BodyGraph, axis: int, pair: Pair) -> list[Pair]:
     sides = [_long_branches(graph, node) for node in (pair.one, pair.other)]
     if min(map(len, sides)) < 2:
         return [pair]
-    found, _ = _matched(graph, axis, sides[0] + sides[1], apart=set(sides[0]))
+    found, _ = _matched(graph, axis, sides[0] + sides[1], one_side=set(sides[0]))
     return [limb for each in found for limb in _limbs(graph, axis, each)] or [pair]
 
 
@@ -194,11 +194,11 @@ def _long_branches(graph: BodyGraph, node: int) -> list[int]:
 
 
 def _matched(
-    graph: BodyGraph, axis: int, nodes: Sequence[int], nested: bool = False, apart: Collection[int] = ()
+    graph: BodyGraph, axis: int, nodes: Sequence[int], nested: bool = False, one_side: Collection[int] = ()
 ) -> tuple[list[Pair], list[int]]:
     """Return pairs among branches, the likest first, and the branches without a counterpart.
 
-    Of branches that are apart from the others, none is a pair with another of them.
+    If the branches of one side are given, a pair has one of them and one of the others.
     """
     long = [node for node in nodes if graph.reach[node] > MIN_BRANCH_SHARE * graph.size]
     found = sorted(
@@ -206,7 +206,7 @@ def _matched(
         for place, one in enumerate(long)
         for other in long[:place]
         if not nested or not ({one, other} & {*graph.ancestors(one), *graph.ancestors(other)})
-        if not apart or (one in apart) != (other in apart)
+        if not one_side or (one in one_side) != (other in one_side)
     )
     pairs, used = [], set[int]()
     for unlikeness, one, other in found:

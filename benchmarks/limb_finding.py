@@ -21,9 +21,6 @@ detection of the orientation is not measured.
 Legs may have more or fewer bends in the rig than from the shape. Joints are then compared in the order, from the body
 to the foot, in which they are closest; another joint of the rig is compared with the nearest point of the bones that
 were found, and another joint that was found is not compared.
-
-The people in the pose of their files were used to choose the constants of `solver.anatomy.limb_finding`, and all
-animals to choose those of `solver.anatomy.standing_legs`.
 """
 
 import argparse
@@ -44,16 +41,16 @@ from scipy.spatial.transform import Rotation
 
 from engine_bridge.character.character import CharacterMesh, load_character, make_character
 from engine_bridge.puppet.limb_proposal import limb_tables
-from engine_bridge.puppet.proposal import PLACEHOLDER_HANDLES, axes_of, fitting, limbs_of_shape
+from engine_bridge.puppet.proposal import PLACEHOLDER_HANDLES, axes_of, fitting
 from engine_bridge.puppet.puppet import Direction
 from engine_bridge.puppet.puppet_file import check
 from engine_bridge.puppet.rig_bones import rig_bones
 from engine_bridge.puppet.rig_limbs import rig_limbs
 from engine_bridge.puppet.skin_joints import vertex_influences
 from puppetline.errors import PuppetlineError
-from solver.anatomy import orientation
 from solver.anatomy.limb_chain import Limbs, evenly
 from solver.anatomy.limb_finding import find_limbs
+from solver.anatomy.standing import basis_of, propose_standing
 from solver.motion.limbs import TRUNK, Bones, Limb, bones_of, parents_first
 from solver.surface.mesh import SolverMesh, weld
 
@@ -229,8 +226,8 @@ def find(character: CharacterMesh) -> Answer:
     if rig is not None and axes is not None:
         answer = Answer(rig.limbs, *axes, rig.bodies[0][0])
     else:
-        stands = orientation.propose(surface, None, None, specified=rig is not None)
-        stands, limbs = limbs_of_shape(surface, stands)
+        stands = propose_standing(surface, specified=rig is not None)
+        limbs = find_limbs(surface, basis_of(stands.up, stands.front))
         answer = Answer(limbs, stands.up, stands.front, stands.confidence)
     values = {"character": {"mesh": "a.glb", "up": answer.up, "front": answer.front}, "root": {}, "retarget": {}}
     standing = check(values | {"handle": PLACEHOLDER_HANDLES}, "the proposal").character

@@ -77,9 +77,9 @@ def test_the_wheel_holds_the_packages_with_their_types_tables_and_the_page(wheel
     clients = installed("examples", "clients/*.py")  # programs to read and copy
     types = {f"{folder}/py.typed" for folder in PLACES if folder != "examples"}
     puppets = installed("examples", "puppets/*.toml")
-    tables = installed("capture", "*.toml") | installed("solver", "*.toml")
+    tables = installed("capture", "*.toml") | installed("solver", "*.toml") | installed("solver", "*.npz")
     assert clients
-    assert (len(puppets), len(tables)) == (5, 4)
+    assert (len(puppets), len(tables)) == (5, 5)
     assert {name for name in wheel if ".dist-info/" not in name} == modules - clients | types | puppets | tables | page
 
 

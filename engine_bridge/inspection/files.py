@@ -18,7 +18,7 @@ from engine_bridge.service.protocol.header import WireError
 from puppetline import toml_schema
 from puppetline.errors import PuppetlineError
 from puppetline.files import read_whole
-from solver.anatomy import orientation
+from solver.anatomy.standing import propose_standing
 
 Kind = Literal["puppet", "scene", "service", "log", "clip", "character"]
 
@@ -147,7 +147,7 @@ def _character(path: Path) -> dict[str, Any]:
     character = load_character(path)
     gltf = character.document.gltf
     mesh = character.solver_mesh()
-    stands = orientation.propose(mesh, specified=path.suffix.lower() not in SURFACE_FILES)
+    stands = propose_standing(mesh, specified=path.suffix.lower() not in SURFACE_FILES)
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     return {
         "vertices": len(character.vertices),

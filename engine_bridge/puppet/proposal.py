@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -15,7 +15,7 @@ from engine_bridge.character.character import CharacterMesh, load_character
 from engine_bridge.character.face_targets import morph_tables
 from engine_bridge.character.own_targets import names_of
 from engine_bridge.character.surface_document import SURFACE_FILES
-from engine_bridge.puppet.body_plans import BodyPlan, check_plan, is_leg, is_person, plan_of
+from engine_bridge.puppet.body_plans import BodyPlan, check_plan, plan_of
 from engine_bridge.puppet.body_summary import body_summary
 from engine_bridge.puppet.limb_nodes import limb_nodes
 from engine_bridge.puppet.limb_proposal import PERFORMER_JOINTS, end_handles, limb_tables
@@ -25,12 +25,11 @@ from engine_bridge.puppet.puppet_file import check
 from engine_bridge.puppet.rig_limbs import RigBody, rig_limbs
 from engine_bridge.puppet.size import propose_scale
 from puppetline.errors import PuppetError, at
-from solver.anatomy import orientation
 from solver.anatomy.axes import unit_vector
 from solver.anatomy.bodies import STILL
 from solver.anatomy.limb_chain import Limbs
 from solver.anatomy.limb_finding import find_limbs
-from solver.anatomy.orientation import Orientation
+from solver.anatomy.standing import propose_standing
 from solver.surface.mesh import SolverMesh
 
 ENDS = ("head", "tail", "jaw", *(f"{side} {limb}" for limb in (*PERFORMER_JOINTS, "ear") for side in ("left", "right")))
@@ -40,10 +39,6 @@ AXES = "up", "front"
 
 MIN_OTHER_PROBABILITY = 0.05
 """Minimum probability of another up or front for which there is a note."""
-
-MAX_OTHER_WAYS, MIN_WAY_PROBABILITY = 5, 0.01
-"""Number of other ups and fronts that are tried for a shape without legs, or without arms on two legs, and their
-minimum probability."""
 
 OMITTED = ((), ("jaw",), ("left ear", "right ear"), ("tail",), ("left wing", "right wing"), ("left arm", "right arm"))
 """Limbs without which the others are tried, if they cannot all be as they were found."""
@@ -143,18 +138,15 @@ def new_puppet(
         check(values | {"handle": PLACEHOLDER_HANDLES}, where)  # refuses parallel axes first
     rig = None if ends else rig_limbs(character, *(axis and unit_vector(axis) for axis in (up, front)))
     skeleton = axes_of(rig)
-    stands = orientation.propose(
-        surface, *(skeleton or (up, front)), specified=mesh.suffix.lower() not in SURFACE_FILES
-    )
-    by_shape = skeleton is None and (bool(places) or not handles)
-    stands, shape = limbs_of_shape(surface, stands, places) if by_shape else (stands, None)
+    specified = mesh.suffix.lower() not in SURFACE_FILES
+    stands = propose_standing(surface, *(skeleton or (up, front)), specified=specified)
     values["character"] = {"up": stands.up, "front": stands.front} | values["character"]
     standing = check(values | {"handle": PLACEHOLDER_HANDLES}, where).character
     notes = [*_others(bodies, body or 1)]
     others = _others_of_skeleton(rig) if rig is not None and skeleton else stands.others
     notes += _other_axes(others, (stands.up, stands.front))
     if places or not handles:
-        found = _limbs(rig, shape, surface, standing, notes)
+        found = _limbs(rig, surface, standing, places, notes)
         proposed = limb_tables(found, standing, _checked(plan, found)) if limbs else []
         tables = [limb.model_dump(exclude_none=True) for limb in proposed]
         if tables and not places:
@@ -278,65 +270,22 @@ def _other_axes(others: Sequence[Axes], chosen: tuple[str, str]) -> list[str]:
     changed = [(name, axis) for name, axis, own in zip(AXES, other, chosen, strict=False) if axis != own]
     what = " and ".join(f"{name} is {axis}" for name, axis in changed)
     fix = " ".join(f"--{name} {axis}" for name, axis in changed)
-    if other[2] > 0.5:  # what was found inside has decided
-        return [f"The outline alone says that {what}, but then limbs would be missing. If so: {fix}"]
     return [f"With a probability of {other[2]:.0%}, {what}. If so: {fix}"]
 
 
-def limbs_of_shape(
-    surface: SolverMesh, stands: Orientation, ends: Mapping[str, NDArray[np.float64]] = MappingProxyType({})
-) -> tuple[Orientation, Limbs]:
-    """Return how a shape stands, and its limbs.
-
-    If it has no legs as it stands, or two legs and no arms, other ways are tried in which it is a whole person. One
-    without legs is then tried as a fish.
-
-    Parameters
-    ----------
-    surface : SolverMesh
-    stands : Orientation
-        The likeliest way; only its others are tried.
-    ends : mapping of str to (3,) float64
-        Ends of limbs that the user has given, mesh file's coordinates.
-    """
-
-    def limbs(up: str, front: str) -> Limbs:
-        upward, forward = unit_vector(up), unit_vector(front)
-        return find_limbs(surface, np.array([np.cross(upward, forward), upward, forward]), ends)
-
-    def standing(up: str, front: str) -> Orientation:
-        before = (stands.up, stands.front, stands.confidence)
-        return replace(orientation.propose(surface, up, front), others=(before,))
-
-    found = limbs(stands.up, stands.front)
-    legs = [chain.name for chain in found.chains if is_leg(chain.name)]
-    armless = len(legs) == 2 and not any("arm" in chain.name or "wing" in chain.name for chain in found.chains)
-    if ends or (legs and not armless):
-        return stands, found
-    for up, front, chance in stands.others[:MAX_OTHER_WAYS]:
-        is_tried = up in orientation.FILE_UPS and chance >= MIN_WAY_PROBABILITY
-        other = limbs(up, front) if is_tried else Limbs(())
-        if is_person(other.points, unit_vector(up)) and "tail" not in other.points and not other.notes:
-            return standing(up, front), other
-    if legs:
-        return stands, found
-    ahead = orientation.bulky_end(surface, stands.up)
-    if ahead is not None and any((up, front) == (stands.up, ahead) for up, front, _ in stands.others):
-        other = limbs(stands.up, ahead)
-        if "tail" in other.points and not any(is_leg(chain.name) for chain in other.chains):
-            return standing(stands.up, ahead), other
-    return stands, found
-
-
 def _limbs(
-    rig: RigBody | None, shape: Limbs | None, surface: SolverMesh, standing: CharacterTable, notes: list[str]
+    rig: RigBody | None,
+    surface: SolverMesh,
+    standing: CharacterTable,
+    ends: Mapping[str, NDArray[np.float64]],
+    notes: list[str],
 ) -> Limbs:
     """Return the limbs of the file's skeleton if it has any, else those of the shape; add to the notes."""
     if rig is not None:
         notes += rig.limbs.notes
         if limb_tables(rig.limbs, standing):
             return rig.limbs
-    shape = shape or find_limbs(surface, standing.basis)
+    shape = find_limbs(surface, standing.basis, ends)
     notes += shape.notes
     return shape
 

@@ -1,42 +1,39 @@
 """Finds the limbs of a character from its shape alone.
 
-A tree of curves runs through the inside of the character, one curve per limb (`solver.anatomy.curve_skeleton`). Its
-ends are named by their positions and by where they branch off: feet are pairs on the ground, the head is an end near
-the middle that is high, in front and thick, and arms are a pair that branches off between legs and head. The joints are
-on the curves (`solver.anatomy.limb_curve`).
+Points inside the character vote for the limbs that they belong to (`solver.anatomy.voted_limbs`). Here the limbs get
+their names, by side and row, and joints in the middle of the character.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
 from types import MappingProxyType
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
-from solver.anatomy.hidden_limbs import hidden_arm, lengthened
-from solver.anatomy.limb_branches import SHOULDER_SHARE, LimbBranches
-from solver.anatomy.limb_chain import LimbChain, Limbs, evenly
-from solver.anatomy.limb_curve import LimbCurve, arm_joints, shoulder_ways
-from solver.anatomy.limb_ends import MAX_FOOT_HEIGHT, MAX_NECK_RATIO, Points
+from solver.anatomy.limb_chain import LimbChain, Limbs, evenly, leg_names
+from solver.anatomy.part_network import PARTS
+from solver.anatomy.solid import Solid, fill
+from solver.anatomy.voted_limbs import MIRROR, PAIRED, Points, VotedLimb, voted_limbs, votes_of
 from solver.surface.mesh import SolverMesh
 
-HEAD_DOUBT_MARGIN = 0.15
-"""Difference of head scores below which it is uncertain which of two ends is the head."""
+MAX_ASYMMETRY = 0.06
+"""Maximum distance between a limb and the mirror image of its counterpart at which the two are made equal. This and the
+following constants are shares of the largest extent."""
 
-HEAD_WIDTH_RATIO = 1.5
-"""Maximum distance of the head's cells from the trunk's curve, in thicknesses of the head."""
+MAX_CLAIM = 0.15
+"""Maximum distance between an end that the user gives and that of a limb which is meant."""
 
-MIN_NECK_SHARE = 0.3
-"""Minimum length of a neck that is a limb, as a share of the trunk's length."""
+MAX_GAP = 0.1
+"""Maximum distance between the trunk or a neck and what follows it that is closed."""
 
-MAX_END_HEIGHT, MIN_END_DISTANCE = 0.03, 0.15
-"""Height above the ground, and distance from all limbs, of an end that stands there without a leg, in heights."""
+SURE = 0.7
+"""Probability of limbs below which there is a note."""
 
-MAX_EDGE_DISTANCE = 0.07
-"""Mean distance between an arm and a wing below which they are one limb, as a share of the unit."""
-
-UPRIGHT_COSINE = np.cos(np.radians(50))
-"""Minimum cosine between up and the direction from trunk to head at which the head is upright on the trunk."""
+ON_HEAD = {"left ear": 3, "right ear": 3, "jaw": 2}
+"""Limbs on the head that only a user gives, and their numbers of points: by its shape, an ear is not to be told from a
+horn, nor a jaw that is closed from the head."""
 
 
 def find_limbs(
@@ -52,188 +49,131 @@ def find_limbs(
     ends : mapping of str to (3,) float64
         Ends of limbs that the user has given, by name; mesh file's coordinates.
     """
-    finder = _Finder(mesh, basis, {name: basis @ np.asarray(end) for name, end in ends.items()})
-    chains = tuple(LimbChain(name, points @ basis) for name, points in finder.limbs().items())
-    return Limbs(chains, tuple(finder.notes))
+    solid = fill(mesh.vertices @ basis.T, mesh.faces, mesh.components)
+    finder = _Finder(solid, {name: basis @ np.asarray(end) for name, end in ends.items()})
+    found = finder.limbs()
+    chains = tuple(LimbChain(name, points @ basis) for name, points in found.items())
+    return Limbs(chains, (*_missing(found), *finder.doubts(basis)))
 
 
-class _Finder(LimbBranches):
-    """Names the limbs and places their joints; collects notes on what is unclear."""
-
-    def __init__(self, mesh: SolverMesh, basis: NDArray[np.float64], ends: Mapping[str, Points]) -> None:
-        super().__init__(mesh, basis, ends)
-        self.notes = list[str]()
-
-    def limbs(self) -> dict[str, Points]:
-        """Return the points of each limb by its name."""
-        found: dict[str, Points] = {}
-        branches = self.branches()
-        self._note_other_heads(branches)
-        arms = None if self.four_legged else self.arms(branches)
-        if arms is not None:
-            found |= self.sides("arm", self._arm_points(arms))
-        elif "left arm" in self.ends:
-            found |= self.sides("arm", [self._hidden_arm(side) for side in ("left", "right")])
-        found |= self.legs
-        self._lengthen_hidden_legs(found)
-        used = list(arms or ())
-        tail = self.tail([branch for branch in branches if branch not in used])
-        if tail is not None:
-            used.append(tail)
-            found["tail"] = evenly(tail.points[::-1], 4)
-        wings = self.wings([branch for branch in branches if branch not in used])
-        if wings is not None:
-            pair = self.sides("wing", [evenly(wing.points[::-1], 4) for wing in wings])
-            if np.linalg.norm(pair["left wing"][1] - pair["right wing"][1]) > self.solid.size:  # no rider's legs
-                found |= pair
-        found = self._without_edges(found)
-        self._note_missing_limbs(found)
-        found = self._trunk_and_head(found) | found
-        self._note_other_feet(found)
-        return found | self._given_on_head()
-
-    def _without_edges(self, found: dict[str, Points]) -> dict[str, Points]:
-        """Return limbs without arms along wings, or wings along arms: the shorter ones are edges of the others."""
-        if not {"left arm", "right arm", "left wing", "right wing"} <= found.keys() or "left arm" in self.ends:
-            return found
-        lengths = {
-            limb: np.linalg.norm(np.diff(found[f"left {limb}"], axis=0), axis=1).sum() for limb in ("arm", "wing")
-        }
-        edge, limb = sorted(lengths, key=lambda name: lengths[name])
-        away = [
-            np.mean(cKDTree(evenly(found[f"{side} {limb}"], 40)).query(evenly(found[f"{side} {edge}"], 20))[0])
-            for side in ("left", "right")
-        ]
-        if max(away) > MAX_EDGE_DISTANCE * self.unit:
-            return found
-        return {name: points for name, points in found.items() if not name.endswith(edge)}
-
-    def _given_on_head(self) -> dict[str, Points]:
-        """Return ears and a jaw whose ends the user has given, straight from the middle of the head.
-
-        By its shape, an ear is not to be told from a horn, nor a jaw that is closed from the head.
-        """
-        skull, limbs = self.trunk.points[self.skull], dict[str, Points]()
-        for name in [name for name in ("left ear", "right ear", "jaw") if name in self.ends]:
-            way = self.cells[self.ends[name]] - skull
-            inside = self.trunk.depth[self.skull] / np.linalg.norm(way) if name != "jaw" else 0.0
-            limbs[name] = evenly(skull + way * [[min(inside, 0.5)], [1.0]], 2 if name == "jaw" else 3)
-        return limbs
-
-    def _note_other_heads(self, branches: Sequence[LimbCurve]) -> None:
-        """Note ends whose head scores are close to that of the head, and that are not its ears or horns."""
-        for branch in branches:
-            end = int(branch.cells[0])
-            close = self.head_scores.get(end, -np.inf) > self.head_scores.get(self.head, np.inf) - HEAD_DOUBT_MARGIN
-            close &= bool(
-                np.linalg.norm(self.cells[end] - self.cells[self.head]) > MAX_FOOT_HEIGHT * self.height
-            )  # no jaw
-            close &= self.twin(end, self.skeleton.tips.tolist()) is None
-            if close and self.shoulder_place(branch) < self.chin:
-                here, there = (self.option_value(self.cells[cell]) for cell in (self.head, end))
-                self.notes.append(
-                    f"The head could be at {here} or at {there}: the first was taken. "
-                    f"If that is wrong: --limb 'head={there}'"
-                )
-
-    def _hidden_arm(self, side: str) -> Points:
-        """Return an arm that is not separate from the body."""
-        root = self.trunk.at(SHOULDER_SHARE * self.trunk.length)
-        sign = np.array([1.0 if side == "left" else -1.0, 0.0, 0.0])
-        beside = (self.cells[np.abs(self.cells[:, 1] - root[1]) < self.solid.size] - root) @ sign
-        return hidden_arm(root, max(float(beside.max()), 0.0) * sign, self.cells[self.ends[f"{side} arm"]])
-
-    def _arm_points(self, arms: tuple[LimbCurve, LimbCurve]) -> list[Points]:
-        shoulders = [shoulder_ways(arm, self.trunk) for arm in arms]
-        around = [
-            self.cells[self.skeleton.beyond(int(arm.cells[arm.index(shoulder)]))]
-            for arm, (shoulder, _) in zip(arms, shoulders, strict=True)
-        ]
-        points, ends = arm_joints(arms, shoulders, around, self.solid.size)
-        for arm, side, end in zip(arms, ("left", "right"), ends, strict=True):
-            if end > 0 and f"{side} arm" not in self.ends:
-                self.notes.append(
-                    f"Something long and thin at the end of the {side} arm is not part of it. If it is, give the end "
-                    f"of the arm: --limb '{side} arm={self.option_value(arm.points[0])}'"
-                )
-        return points
-
-    def _lengthen_hidden_legs(self, found: dict[str, Points]) -> None:
-        """Lengthen legs that a skirt hides."""
-        if self.legs_are_folded or not {"left leg", "right leg", "left arm", "right arm"} <= found.keys():
-            return
-        legs, arms = ([found[f"{side} {limb}"] for side in ("left", "right")] for limb in ("leg", "arm"))
-        middle, ground = float(self.trunk.points[0, 0]), float(self.low[1])
-        (found["left leg"], found["right leg"]), hidden = lengthened(legs, arms, middle, ground, self.height)
-        if hidden:
-            self.notes.append(
-                "The legs are hidden, as by a skirt: hips and knees are where people of this height have them. If "
-                "that is wrong, change the points of the legs in the puppet file."
-            )
-
-    def _trunk_and_head(self, found: dict[str, Points]) -> dict[str, Points]:
-        trunk = self.trunk
-        near = cKDTree(trunk.points)
-        legs, arms = (self.leg_names[0], self.leg_names[-1]) if self.four_legged else ("leg", "arm")
-        low, high = trunk.points[0], trunk.at(SHOULDER_SHARE * trunk.length)
-        hips, shoulders = (
-            [found[name][0] for name in (f"left {limb}", f"right {limb}", limb) if name in found]
-            for limb in (legs, arms)
-        )
-        low, high = (np.mean(roots, axis=0) if roots else end for roots, end in ((hips, low), (shoulders, high)))
-        place = self._narrow_neck(int(near.query(high)[1]))
-        start = int(near.query(low)[1])
-        high = trunk.points[place]
-        result = {"trunk": np.array([low, trunk.points[(start + place) // 2], high])}
-        crown = trunk.points[-1]
-        skull = trunk.points[self.skull]
-        stands = skull - high
-        if not self.four_legged and stands[1] > UPRIGHT_COSINE * np.linalg.norm(stands) > 0:
-            crown = self._crown(high)
-        elif self.skull > place:
-            neck = trunk.along[self.skull] - trunk.depth[self.skull] - trunk.along[place]
-            if neck > MIN_NECK_SHARE * (trunk.along[place] - trunk.along[start]):
-                way = trunk.points[place : trunk.index(trunk.along[place] + neck) + 1]
-                return result | {"neck": evenly(way, 3), "head": np.array([way[-1], crown])}
-        return result | {"head": np.array([high, crown])}
-
-    def _narrow_neck(self, shoulders: int) -> int:
-        """Return the index of the neck on the curve of an upright trunk, or that of the shoulders if none is narrow."""
-        depth = self.trunk.depth
-        if self.four_legged or self.skull <= shoulders:
-            return shoulders
-        neck = shoulders + int(depth[shoulders : self.skull + 1].argmin())
-        narrow = depth[neck] < MAX_NECK_RATIO * min(depth[self.skull], depth[: neck + 1].max())
-        return neck if narrow else shoulders
-
-    def _crown(self, neck: Points) -> Points:
-        """Return the top of a head that is upright on a neck: above its middle, whatever the brim of a cap adds."""
-        away, place = cKDTree(self.trunk.points).query(self.cells)
-        near = away < HEAD_WIDTH_RATIO * self.trunk.depth[self.skull]
-        head = self.cells[near & (self.trunk.along[place] > self.chin)]
-        middle = head.mean(axis=0)
-        way = (middle - neck) / np.linalg.norm(middle - neck)
-        return np.asarray(neck + way * np.quantile((head - neck) @ way, 0.95))
-
-    def _note_missing_limbs(self, found: dict[str, Points]) -> None:
-        no_arms = not self.four_legged and "left arm" not in found and "left wing" not in found
-        for limb in ["leg"] * (not self.feet) + ["arm"] * no_arms:
-            self.notes.append(
+def _missing(found: Mapping[str, Points]) -> Iterator[str]:
+    """Yield notes on limbs that most bodies have."""
+    for limb, others in (("leg", ("leg",)), ("arm", ("arm", "wing", "front"))):
+        few = sum("leg" in name for name in found) < 3
+        if few and not any(word in name for name in found for word in others):
+            yield (
                 f"No {limb}s were found. If there are any, give where they end: "
                 f"--limb 'left {limb}=X,Y,Z' --limb 'right {limb}=X,Y,Z'"
             )
 
-    def _note_other_feet(self, found: dict[str, Points]) -> None:
-        """Note what stands on the ground besides the legs, such as a third leg: legs are found in pairs."""
-        if not self.feet:
-            return
-        limbs = cKDTree(np.concatenate([evenly(points, 9) for points in found.values()]))
-        tips = self.cells[self.skeleton.tips]
-        low = tips[:, 1] - self.low[1] < MAX_END_HEIGHT * self.height + self.solid.size
-        others = tips[low & (limbs.query(tips)[0] > MIN_END_DISTANCE * self.height)]
-        if len(others):
-            places = " and at ".join(self.option_value(place) for place in others)
-            self.notes.append(
-                f"Something else reaches the floor at {places}. Legs are found in pairs, so it moves with the body "
-                "above it and takes no steps."
-            )
+
+def _other(part: str, chances: Points) -> str:
+    """Return the part that a limb could be, if it is not what it was taken for."""
+    others = {name: chance for name, chance in zip(PARTS[1:], chances[1:], strict=True) if name != part}
+    return max(others, key=lambda name: float(others[name]))
+
+
+def _named(part: str, side: int) -> str:
+    return f"{'left' if side > 0 else 'right'} {part}" if part in PAIRED else part
+
+
+class _Finder:
+    """Names the limbs of a solid whose coordinates are left, up and front."""
+
+    def __init__(self, solid: Solid, ends: Mapping[str, Points]) -> None:
+        self.solid, self.ends = solid, ends
+        self.size = float(np.ptp(solid.centers, axis=0).max()) + solid.size
+        self.voted = voted_limbs(votes_of(solid))
+        self.given = {name: self._given(name, end) for name, end in ends.items() if name not in ON_HEAD}
+
+    def limbs(self) -> dict[str, Points]:
+        """Return the points of each limb by its name."""
+        found = self._trunk_and_head() | self._pair("arm") | self._legs()
+        found |= self._pair("wing") | {limb.part: limb.joints for limb in self._of("tail")[:1]}
+        found |= {name: points for name, points in self.given.items() if name != "head"}
+        return found | self._on_head(found["head"])
+
+    def doubts(self, basis: NDArray[np.float64]) -> Iterator[str]:
+        """Yield a note on each part whose limbs are uncertain, and what they could be, with the option that says so."""
+        for part in PARTS[2:]:
+            own = [limb for limb in self.voted if limb.part == part]
+            chances = np.mean([limb.chances for limb in own], axis=0) if own else np.ones(len(PARTS))
+            chance, other = chances[PARTS.index(part)], _other(part, chances)
+            names = [_named(other, limb.side) for limb in own]
+            if chance < SURE and sorted(names) in ([other], [f"left {other}", f"right {other}"]):
+                ends = [",".join(f"{value:.4g}" for value in limb.joints[-1] @ basis) for limb in own]
+                fix = " ".join(f"--limb '{name}={end}'" for name, end in zip(names, ends, strict=True))
+                yield f"What was taken for {part}s could be {other}s ({1 - chance:.0%}). If so: {fix}"
+
+    def _of(self, part: str, side: int = 0) -> list[VotedLimb]:
+        return [limb for limb in self.voted if limb.part == part and limb.side == side]
+
+    def _given(self, name: str, end: Points) -> Points:
+        """Return the limb that ends where the user says, whatever it was taken for; without one, a straight limb."""
+        near = min(self.voted, key=lambda limb: float(np.linalg.norm(limb.joints[-1] - end)))
+        if near.part != "trunk" and np.linalg.norm(near.joints[-1] - end) < MAX_CLAIM * self.size:
+            self.voted.remove(near)
+            return np.vstack([near.joints[:-1], end])
+        trunk = evenly(self._of("trunk")[0].joints, 30)
+        if "arm" in name or "wing" in name:
+            trunk = trunk[15:]
+        return evenly(np.array([trunk[np.linalg.norm(trunk - end, axis=1).argmin()], end]), 4)
+
+    def _pair(self, limb: str) -> dict[str, Points]:
+        """Return the largest limb of each side; a wing needs its counterpart, and an arm does not."""
+        left, right = self._of(limb, 1)[:1], self._of(limb, -1)[:1]
+        if left and right:
+            return self._sides(limb, left[0].joints, right[0].joints)
+        single = left + right if limb == "arm" else []
+        return {f"{'left' if one.side > 0 else 'right'} {limb}": one.joints for one in single}
+
+    def _legs(self) -> dict[str, Points]:
+        """Return the legs in rows from hind to front."""
+        left, right = ([limb.joints for limb in self._of("leg", side)] for side in (1, -1))
+        away = np.array([[np.abs(one - other)[:, 1:].sum() for other in right] for one in left])
+        rows, columns = scipy.optimize.linear_sum_assignment(away.reshape(len(left), len(right)))
+        pairs = [(left[row], right[column]) for row, column in zip(rows, columns, strict=True)]
+        pairs.sort(key=lambda pair: float(np.mean(pair, axis=0)[[0, -1], 2].sum()))
+        found: dict[str, Points] = {}
+        for name, pair in zip(leg_names(len(pairs)), pairs, strict=True):
+            found |= self._sides(name, *pair)
+        return found
+
+    def _sides(self, limb: str, left: Points, right: Points) -> dict[str, Points]:
+        """Return a left and a right limb by name; limbs that nearly mirror each other are made equal."""
+        offset = np.array([left[0, 0] + right[0, 0], 0.0, 0.0])
+        if np.linalg.norm(left - right * MIRROR - offset, axis=1).max() < MAX_ASYMMETRY * self.size:
+            left = (left + right * MIRROR + offset) / 2
+            right = left * MIRROR + offset
+        return {f"left {limb}": left, f"right {limb}": right}
+
+    def _trunk_and_head(self) -> dict[str, Points]:
+        """Return the trunk, the neck if it is a limb of its own, and the head, each from the end of the one before."""
+        trunk = self._of("trunk")[0].joints
+        heads = sorted(self._of("head"), key=lambda each: float(np.linalg.norm(each.joints[-1] - trunk[-1])))
+        ways = [trunk[[0, 1, 3]], *(each.joints[[0, 1, 3]] for each in heads[-2:])]
+        if "head" in self.ends:
+            ways = [*ways[:2], self.given["head"][[0, 2, 3]]]
+        elif len(ways) == 1:
+            ways.append(self._above(trunk))
+        for before, after in pairwise(ways):
+            if np.linalg.norm(after[0] - before[-1]) < MAX_GAP * self.size:
+                after[0] = before[-1] = (after[0] + before[-1]) / 2
+        names = ("trunk", "neck", "head") if len(ways) > 2 else ("trunk", "head")
+        return dict(zip(names, [*ways[:-1], ways[-1][[0, 2]]], strict=True))
+
+    def _above(self, trunk: Points) -> Points:
+        """Return the head of a body that shows none: from the trunk to what is farthest beyond it."""
+        way = trunk[-1] - trunk[0]
+        return evenly(np.array([trunk[-1], self.solid.centers[(self.solid.centers @ way).argmax()]]), 3)
+
+    def _on_head(self, head: Points) -> dict[str, Points]:
+        """Return ears and a jaw whose ends the user has given, straight from the middle of the head."""
+        skull = head.mean(axis=0)
+        inside = self.solid.depth[np.linalg.norm(self.solid.centers - skull, axis=1).argmin()]
+        found = {}
+        for name in [name for name in ON_HEAD if name in self.ends]:
+            way = self.ends[name] - skull
+            begin = min(float(inside / np.linalg.norm(way)), 0.5) if name != "jaw" else 0.0
+            found[name] = evenly(skull + way * [[begin], [1.0]], ON_HEAD[name])
+        return found

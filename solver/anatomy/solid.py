@@ -1,13 +1,10 @@
 """The space inside a character, divided into cells. Touching parts are united; flat cloth has no cells."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
-from scipy.sparse import coo_matrix, csr_matrix
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from puppetline.compiled import compiled
 
@@ -28,15 +25,6 @@ FLAT_CELLS_PER_AXIS = 100
 """Number of cells along the longest axis with which an outline is measured first, and of a surface that encloses
 nothing."""
 
-TIE_DISTANCE_RATIO = 2.0
-"""Maximum distance of parts that are tied to the rest in one step, as a multiple of the distance of the nearest
-part."""
-
-NEIGHBOR_STEPS = np.array(
-    [(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) > (0, 0, 0)], dtype=np.int64
-)
-"""Offsets from a cell to its 13 neighbours in one half of space."""
-
 
 @dataclass(frozen=True, eq=False)
 class Solid:
@@ -49,14 +37,11 @@ class Solid:
     centers : (n, 3) float64
     depth : (n,) float64
         Distance from each centre to the edge of the nearest cell outside: approximately that to the surface.
-    graph : (n, n) sparse float64
-        Distances between the centres of neighbours and between parts that do not touch; each pair once.
     """
 
     size: float
     centers: NDArray[np.float64]
     depth: NDArray[np.float64]
-    graph: csr_matrix
 
 
 def fill(vertices: NDArray[np.float64], faces: NDArray[np.int64], components: NDArray[np.int32]) -> Solid:
@@ -84,10 +69,7 @@ def fill(vertices: NDArray[np.float64], faces: NDArray[np.int64], components: ND
     if not inside.any():  # as in sheets that cross each other
         inside[tuple(np.rint((vertices - origin) / size).astype(int).T)] = True
     depth = ndimage.distance_transform_edt(inside) - 0.5
-    number = np.full(inside.shape, -1)
-    number[inside] = np.arange(np.count_nonzero(inside))
-    centers = origin + size * np.argwhere(inside)
-    return Solid(size, centers, size * depth[inside], _joined(_graph(number, size), centers))
+    return Solid(size, origin + size * np.argwhere(inside), size * depth[inside])
 
 
 def _enclosed(
@@ -210,67 +192,3 @@ def _crossings(vertices, faces, counts):
                 below += crossed[i, j, k]
                 result[i, j, k] = (min(max(-below, 0.0), 1.0) + min(max(total - below, 0.0), 1.0)) / 2
     return result
-
-
-def _graph(number: NDArray[np.int64], size: float) -> csr_matrix:
-    """Return the distances between the centres of neighbouring cells."""
-    counts = np.array(number.shape)
-    rows, columns, lengths = [], [], []
-    for step in NEIGHBOR_STEPS:
-        here = tuple(slice(max(-s, 0), n - max(s, 0)) for s, n in zip(step, counts, strict=True))
-        there = tuple(slice(max(s, 0), n - max(-s, 0)) for s, n in zip(step, counts, strict=True))
-        both = (number[here] >= 0) & (number[there] >= 0)
-        rows.append(number[here][both])
-        columns.append(number[there][both])
-        lengths.append(np.full(len(rows[-1]), size * np.sqrt(np.count_nonzero(step))))
-    n = int(number.max()) + 1
-    return csr_matrix(coo_matrix((np.concatenate(lengths), (np.concatenate(rows), np.concatenate(columns))), (n, n)))
-
-
-def _joined(graph: csr_matrix, centers: NDArray[np.float64]) -> csr_matrix:
-    """Tie parts that do not touch the rest to its nearest cell, the nearest parts first."""
-    while True:
-        count, part = connected_components(graph, directed=False)
-        if count == 1:
-            return graph
-        largest = part == np.bincount(part).argmax()
-        ties = _ties(centers, part, np.flatnonzero(largest), np.flatnonzero(~largest))
-        near = ties.data <= TIE_DISTANCE_RATIO * ties.data.min()
-        graph = csr_matrix(graph + coo_matrix((ties.data[near], (ties.row[near], ties.col[near])), graph.shape))
-
-
-def _ties(
-    centers: NDArray[np.float64], part: NDArray[np.int32], inside: NDArray[np.int64], outside: NDArray[np.int64]
-) -> coo_matrix:
-    """Return the distance (n, n) of each part that has cells outside, where it is nearest to the cells inside."""
-    distance, nearest = (np.asarray(each) for each in cKDTree(centers[inside]).query(centers[outside]))
-    by_distance = np.argsort(distance, kind="stable")
-    _, first = np.unique(part[outside][by_distance], return_index=True)
-    ties = by_distance[first]
-    return coo_matrix((distance[ties], (outside[ties], inside[nearest[ties]])), (len(centers), len(centers)))
-
-
-def parted(solid: Solid, left: NDArray[np.bool_], where: NDArray[np.bool_]) -> Solid:
-    """Return a solid without the connections between its left and its right side in a region.
-
-    A part that only the other side connected with the rest, such as a shoe, is tied to what is nearest on its own side.
-
-    Parameters
-    ----------
-    solid : Solid
-    left : (n,) bool
-        Cells on the left side.
-    where : (n,) bool
-        Cells of the region.
-    """
-    steps = solid.graph.tocoo()
-    kept = (left[steps.row] == left[steps.col]) | ~(where[steps.row] & where[steps.col])
-    graph = csr_matrix((steps.data[kept], (steps.row[kept], steps.col[kept])), steps.shape)
-    _, part = connected_components(graph, directed=False)
-    body = part == np.bincount(part).argmax()
-    if not (left & body).any() or not (~left & body).any():
-        return solid
-    for side in (left, ~left):
-        ties = _ties(solid.centers, part, np.flatnonzero(side & body), np.flatnonzero(side & ~body))
-        graph = csr_matrix(graph + ties)
-    return replace(solid, graph=graph)

@@ -1,0 +1,33 @@
+import numpy as np
+from numpy.testing import assert_allclose
+
+from solver.anatomy import orientation
+from solver.anatomy.standing import basis_of, propose_standing, standing_logits
+
+from ..shapes import body_of
+from .test_limb_finding import FIGURE
+
+WAYS = [(up, front) for up in ("x", "-x", "y", "-y", "z", "-z") for front in ("x", "-x", "y", "-y", "z", "-z")]
+WAYS = [(up, front) for up, front in WAYS if up[-1] != front[-1]]
+
+
+def test_a_figure_stands_likelier_as_it_was_made_than_in_any_other_way():
+    logits = standing_logits(body_of(FIGURE), [basis_of(*way) for way in WAYS])
+    assert WAYS[int(np.argmax(logits))] == ("y", "z")
+
+
+def test_axes_that_are_given_are_kept_and_not_compared():
+    given = propose_standing(body_of(FIGURE), "z", "-x")
+    assert given == orientation.propose(body_of(FIGURE), "z", "-x")
+    assert propose_standing(body_of(FIGURE), front="z").front == "z"
+
+
+def test_probabilities_of_all_ways_sum_to_one_the_likeliest_first():
+    found = propose_standing(body_of(FIGURE))
+    chances = [found.confidence, *(chance for *_, chance in found.others)]
+    assert_allclose(sum(chances), 1)
+    assert chances == sorted(chances, reverse=True)
+
+
+def test_rows_of_a_basis_are_left_up_and_front():
+    assert_allclose(basis_of("z", "-y"), [(1, 0, 0), (0, 0, 1), (0, -1, 0)])

@@ -14,12 +14,14 @@ from solver.anatomy.solid import fill
 from solver.anatomy.voted_limbs import votes_of
 from solver.surface.mesh import SolverMesh
 
-MAX_WAYS, MIN_WAY_PROBABILITY = 8, 0.002
+MAX_WAYS, MIN_WAY_PROBABILITY = 12, 0.001
 """Number of ups and fronts that are compared, and minimum probability of the others by the outline."""
 
-INSIDE_WEIGHT, OUTLINE_WEIGHT, CONVENTION_BONUS = 1.0, 0.5, 1.0
-"""Weights of the logits by the points inside and by the outline, and what is added for the way that the outline and the
-convention of the file say."""
+INSIDE_WEIGHT, OUTLINE_WEIGHT = 0.5, 0.5
+"""Weights of the logits by the points inside and by the outline."""
+
+CONVENTION_BONUS, OTHER_UP = 2.0, -4.0
+"""What is added for the way that the outline and the convention of the file say, and for an up that is no file's."""
 
 
 def propose_standing(
@@ -33,6 +35,7 @@ def propose_standing(
         return outline
     inside = np.array(standing_logits(mesh, [basis_of(*way[:2]) for way in ways]))
     total = INSIDE_WEIGHT * inside + OUTLINE_WEIGHT * np.log([max(way[2], MIN_WAY_PROBABILITY) for way in ways])
+    total += [OTHER_UP * (up not in orientation.FILE_UPS) for up, _, _ in ways]
     total[0] += CONVENTION_BONUS
     chances = scipy.special.softmax(total)
     best, *others = ((*ways[way][:2], float(chances[way])) for way in chances.argsort()[::-1].tolist())

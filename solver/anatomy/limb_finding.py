@@ -151,6 +151,8 @@ class _Finder:
         """Return the trunk, the neck if it is a limb of its own, and the head, each from the end of the one before."""
         trunk = self._of("trunk")[0].joints
         heads = sorted(self._of("head"), key=lambda each: float(np.linalg.norm(each.joints[-1] - trunk[-1])))
+        if len(heads) > 1 and np.linalg.norm(heads[-2].joints[-1] - heads[-1].joints[0]) > MAX_GAP * self.size:
+            heads = self._of("head")[:1]  # the others are no neck
         ways = [trunk[[0, 1, 3]], *(each.joints[[0, 1, 3]] for each in heads[-2:])]
         if "head" in self.ends:
             ways = [*ways[:2], self.given["head"][[0, 2, 3]]]

@@ -16,7 +16,7 @@ from solver.anatomy.solid import Solid
 SETS = 4
 """Number of sets of points."""
 
-MAX_APART = 0.2
+MAX_APART = 0.15
 """Maximum mean distance between the votes of one limb, in largest extents."""
 
 MIN_SHARE, MIN_PART_SHARE, MIN_CHANCE = 0.012, 0.25, 0.55
@@ -35,6 +35,10 @@ FAR_SHARE = 0.15
 
 MIN_SURROUNDING, MIN_FAR = 8, 3
 """Minimum numbers of points that surround a joint, and at the end of a limb."""
+
+MAX_STRETCH = 3.0
+"""Maximum length of the last bone to the end of a limb, as a multiple of what was voted for; beyond it is something
+else."""
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
 
@@ -174,6 +178,9 @@ def _settled(joints: Points, points: Points) -> Points:
     beyond = points[along > ends[2]] - joints[2]
     if len(beyond) >= MIN_SURROUNDING:
         reach = np.linalg.norm(beyond, axis=1)
+        kept = reach < MAX_STRETCH * np.linalg.norm(joints[3] - joints[2])
+        beyond, reach = beyond[kept], reach[kept]
+    if len(beyond) >= MIN_SURROUNDING:
         far = beyond[(reach >= np.quantile(reach, 1 - FAR_SHARE)) & (beyond @ (joints[3] - joints[2]) > 0)]
         if len(far) >= MIN_FAR:
             settled[3] = (joints[3] + joints[2] + far.mean(axis=0)) / 2

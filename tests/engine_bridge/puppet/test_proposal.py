@@ -9,7 +9,7 @@ from engine_bridge.puppet import proposal
 from engine_bridge.puppet.proposal import new_puppet
 from engine_bridge.puppet.size import propose_scale
 from puppetline.errors import MeshError, PuppetError
-from solver.anatomy import orientation
+from solver.anatomy import orientation, standing
 from solver.anatomy.limb_chain import LimbChain, Limbs
 
 from ..bones import points
@@ -160,9 +160,11 @@ def test_a_shape_stands_as_the_points_inside_say_where_its_outline_leaves_it_ope
     lies = replace(propose(load_character(blob_file).solver_mesh()), up="z", front="y", confidence=0.6)
     lies = replace(lies, others=(("y", "z", 0.3), ("-y", "z", 0.1)))
     monkeypatch.setattr(orientation, "propose", lambda mesh, *known, **_: propose(mesh, *known) if all(known) else lies)
+    monkeypatch.setattr(standing, "standing_logits", lambda *_: [0.0, 8.0, 0.0])
     made = new_puppet(blob_file, tmp_path / "a.toml")
     assert (made.puppet.character.up, made.puppet.character.front) == ("y", "z")
     assert {limb.name for limb in made.puppet.limb} == PERSON.keys()
+    assert made.notes[0] == "With a probability of 16%, up is z and front is y. If so: --up z --front y"
 
 
 @pytest.mark.parametrize(("away", "feet"), [(0.0, ["left foot"]), (50.0, ["left foot", "right foot"])])

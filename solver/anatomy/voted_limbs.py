@@ -40,6 +40,9 @@ MAX_STRETCH = 3.0
 """Maximum length of the last bone to the end of a limb, as a multiple of what was voted for; beyond it is something
 else."""
 
+BEND_WIDTH = 0.12
+"""Distance along a bone up to which points show how a limb bends there, as a share of the bone's length."""
+
 MIRROR = np.array([-1.0, 1.0, 1.0])
 
 Points = NDArray[np.float64]
@@ -198,3 +201,27 @@ def _along(points: Points, joints: Points) -> tuple[NDArray[np.float64], Points]
     rows = np.arange(len(points))
     before = np.concatenate([[0.0], np.cumsum(lengths)[:-1]])
     return before[nearest] + share[rows, nearest] * lengths[nearest], beside[rows, nearest]
+
+
+def bend_of(limb: VotedLimb) -> tuple[float, Points]:
+    """Return how far a limb bends away from the straight line between its second and its third joint, and where.
+
+    Returns
+    -------
+    bend : float
+        As a share of the length of this line; 0 if few points surround it.
+    place : (3,) float64
+        Amid the points that surround the limb there.
+    """
+    start, end = limb.joints[1], limb.joints[2]
+    along, beside = _along(limb.points, limb.joints)
+    before, length = (float(np.linalg.norm(each)) for each in (start - limb.joints[0], end - start))
+    share = (along - before) / max(length, 1e-12)
+    inside = (share > 0) & (share < 1)
+    places = [(0.0, (start + end) / 2)]
+    for at in np.linspace(0.2, 0.8, 7) if inside.any() else ():
+        weight = np.exp(-(((share[inside] - at) / BEND_WIDTH) ** 2))
+        if weight.sum() > MIN_FAR:
+            way = np.average(beside[inside], axis=0, weights=weight)
+            places.append((float(np.linalg.norm(way)) / length, start + at * (end - start) + way))
+    return max(places, key=lambda each: each[0])

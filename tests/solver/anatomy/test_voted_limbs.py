@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from solver.anatomy import voted_limbs as module
 from solver.anatomy.part_network import PARTS, POINTS, Parts
 from solver.anatomy.solid import Solid
-from solver.anatomy.voted_limbs import MIRROR, Votes, voted_limbs, votes_of
+from solver.anatomy.voted_limbs import MIRROR, VotedLimb, Votes, bend_of, voted_limbs, votes_of
 
 TRUNK = np.array([[0, 0.5, 0], [0, 0.6, 0], [0, 0.7, 0], [0, 0.8, 0]])
 LEG = np.array([[0.1, 0.5, 0.2], [0.1, 0.3, 0.2], [0.1, 0.1, 0.2], [0.1, 0.0, 0.3]])
@@ -107,3 +107,16 @@ def test_joints_move_into_the_middle_of_a_limb_and_its_tip_half_way_to_its_end()
 
 def test_a_limb_of_few_points_stays_as_they_vote():
     assert_allclose(module._settled(LEG, LEG[:2]), LEG)
+
+
+def test_a_limb_bends_where_its_points_are_away_from_the_straight_line():
+    knee, hock, ankle = np.array([0, 0.6, 0.1]), np.array([0, 0.35, -0.1]), np.array([0, 0.1, 0.1])
+    way = np.linspace(0, 1, 100)[:, None]
+    points = np.concatenate([knee + way * (hock - knee), hock + way * (ankle - hock)])
+    joints = np.array([[0, 0.8, 0.0], knee, ankle, [0, 0.0, 0.15]])
+    limb = VotedLimb("leg", 1, joints, 0.1, np.zeros(6), points)
+    bend, place = bend_of(limb)
+    assert_allclose(place, hock, atol=0.04)
+    assert_allclose(bend, 0.2 / 0.5, atol=0.08)
+    straight = VotedLimb("leg", 1, joints, 0.1, np.zeros(6), knee + way * (ankle - knee))
+    assert bend_of(straight)[0] < 1e-9

@@ -43,10 +43,6 @@ WEIGHTS = {
 }
 """Weight of each sign of `_signs`, in logits per unit."""
 
-MIN_BULK, MIN_LENGTH_RATIO = 0.03, 1.2
-"""Minimum distance of the middle of a fish's surface from the middle of its length, as a share of the length, and the
-minimum length of a fish, as a multiple of its width."""
-
 MIN_MISMATCH = 0.003
 """Minimum distance of mirrored points from the surface, in diagonals: that of a symmetric character, by its sampling. A
 flat figure mirrors itself exactly in its own plane, which says nothing."""
@@ -114,28 +110,6 @@ def propose(
     others = sorted(((*axes, chance / total) for axes, chance in chances.items()), key=lambda each: -each[2])
     others = [each for each in others if each[:2] != (up, front)]
     return Orientation(up, front, chances[up, front] / total, reasons, tuple(others))
-
-
-def bulky_end(mesh: SolverMesh, up: str) -> str | None:
-    """Return the front of a body without legs, such as a fish: the bulkier end of its length.
-
-    Parameters
-    ----------
-    mesh : SolverMesh
-    up : str
-        x, -x, y, -y, z or -z.
-
-    Returns
-    -------
-    str or None
-        The same for the front; None if the body is not longer than wide, or if its ends are alike.
-    """
-    points, _ = sample(mesh, SAMPLE_COUNT)
-    extent, offset = np.ptp(points, axis=0), points.mean(axis=0) - (points.min(axis=0) + points.max(axis=0)) / 2
-    width, length = sorted((axis for axis in range(3) if "xyz"[axis] != up[-1]), key=lambda axis: extent[axis])
-    if extent[length] < MIN_LENGTH_RATIO * extent[width] or abs(offset[length]) < MIN_BULK * extent[length]:
-        return None
-    return "-" * bool(offset[length] < 0) + "xyz"[length]
 
 
 def _choose(chances: dict[str, float], sure: float, nearly: float, convention: str | None) -> tuple[str, bool]:

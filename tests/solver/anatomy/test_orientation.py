@@ -111,16 +111,6 @@ def test_an_insect_stands_on_its_six_legs_also_in_the_air():
         assert (found.up, found.front) == ("y", "z")
 
 
-def test_a_body_without_legs_looks_where_it_is_bulkier():
-    fish = [((0.0, 0.0, -0.2), (0.0, 0.0, 0.5), 0.3), ((0.0, 0.0, -0.2), (0.0, 0.0, -1.3), 0.1)]
-    mesh = body_of(fish)
-    for turned in TURNS:
-        ahead = orientation.bulky_end(changed(mesh, mesh.vertices @ turned), name(vector("y") @ turned))
-        assert ahead == name(vector("z") @ turned)
-    assert orientation.bulky_end(body_of(fish[:1]), "y") is None  # both ends are alike
-    assert orientation.bulky_end(mesh, "z") is None  # it stands, and is as wide as deep
-
-
 def test_a_flat_figure_is_no_division_by_nothing():
     square = np.array([[0, 0, 0], [1, 0, 0], [1, 2, 0], [0, 2, 0], [0.5, 1, 0]], float)
     faces = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])

@@ -35,6 +35,12 @@ it."""
 SURE = 0.7
 """Probability of limbs below which there is a note."""
 
+MIN_NECK_SHARE = 0.3
+"""Minimum length of a neck that is a limb, as a share of the trunk's length."""
+
+UPRIGHT_COSINE = np.cos(np.radians(50))
+"""Minimum cosine between up and the direction to the middle of a head that is upright on the trunk."""
+
 ON_HEAD = {"left ear": 3, "right ear": 3, "jaw": 2}
 """Limbs on the head that only a user gives, and their numbers of points: by its shape, an ear is not to be told from a
 horn, nor a jaw that is closed from the head."""
@@ -170,11 +176,26 @@ class _Finder:
             ways = [*ways[:2], self.given["head"][[0, 2, 3]]]
         elif len(ways) == 1:
             ways.append(self._above(trunk))
+        elif len(ways) == 2:
+            ways[1:] = self._with_neck(trunk, heads[0].joints)
         for before, after in pairwise(ways):
             if np.linalg.norm(after[0] - before[-1]) < MAX_GAP * self.size:
                 after[0] = before[-1] = (after[0] + before[-1]) / 2
         names = ("trunk", "neck", "head") if len(ways) > 2 else ("trunk", "head")
         return dict(zip(names, [*ways[:-1], ways[-1][[0, 2]]], strict=True))
+
+    def _with_neck(self, trunk: Points, head: Points) -> list[Points]:
+        """Return a neck and a head, if the head is far from a trunk on which it is not upright; else the head."""
+        way = evenly(head, 41)
+        depth = self.solid.depth[scipy.spatial.cKDTree(self.solid.centers).query(way)[1]]
+        skull = 16 + int(depth[16:].argmax())
+        length = float(np.linalg.norm(np.diff(way[: skull + 1], axis=0), axis=1).sum() - depth[skull])
+        stands = way[skull] - way[0]
+        upright = len(self._of("leg", 1)) < 2 and stands[1] > UPRIGHT_COSINE * np.linalg.norm(stands)
+        if upright or length < MIN_NECK_SHARE * np.linalg.norm(trunk[-1] - trunk[0]):
+            return [head[[0, 1, 3]]]
+        end = max(round(40 * length / float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())), 2)
+        return [evenly(way[: end + 1], 3), way[[end, (end + 40) // 2, 40]]]
 
     def _above(self, trunk: Points) -> Points:
         """Return the head of a body that shows none: from the trunk to what is farthest beyond it."""

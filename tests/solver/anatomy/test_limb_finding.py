@@ -110,7 +110,7 @@ DOG_ENDS = {
         ([*DOG[:-1], *TAPERING], DOGS, {"tail": (0.0, 1.0, -2.86)} | DOG_ENDS),
         (
             [*DOG, *WINGS],
-            [*DOGS[:-1], "left wing", "right wing", "tail"],
+            ["trunk", "neck", *DOGS[1:-1], "left wing", "right wing", "tail"],
             {"left wing": (1.5, 2.4, -0.1), "right wing": (-1.5, 2.4, -0.1)} | DOG_ENDS,
         ),
         (

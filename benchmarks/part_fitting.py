@@ -309,9 +309,10 @@ def fit(folder: Path, output: Path, minutes: float, without: Sequence[str], begi
     while (share := (time.monotonic() - started) / (60 * minutes)) < 1:
         for group in optimizer.param_groups:
             group["lr"] = RATE * min(1.0, (steps + 1) / 150) * (0.5 + 0.5 * math.cos(math.pi * share)) + 1e-6
-        losses.append(_loss(network, examples.batch()))
+        loss = _loss(network, examples.batch())
+        losses.append(float(loss.detach()))
         optimizer.zero_grad()
-        losses[-1].backward()
+        loss.backward()
         nn.utils.clip_grad_norm_(network.parameters(), 1.0)
         optimizer.step()
         steps += 1
@@ -319,7 +320,7 @@ def fit(folder: Path, output: Path, minutes: float, without: Sequence[str], begi
             for kept, own in zip(average.parameters(), network.parameters(), strict=True):
                 kept.lerp_(own, 1 - min(AVERAGE, steps / (steps + 10)))
         if steps % 100 == 0:
-            print(f"{steps} steps, loss {sum(map(float, losses)) / len(losses):.3f}", flush=True)
+            print(f"{steps} steps, loss {np.mean(losses):.3f}", flush=True)
             losses.clear()
             save(average, output)
     save(average, output)

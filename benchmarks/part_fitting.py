@@ -27,9 +27,12 @@ from numpy.typing import NDArray
 from torch import nn
 from torch.nn import functional
 
+from benchmarks.limb_finding import find, score
 from benchmarks.made_bodies import PLANS, made
-from benchmarks.posed_bodies import MIRROR, posed
+from benchmarks.posed_bodies import posed
+from engine_bridge.character.character import load_character
 from solver.anatomy.part_network import COARSE, DEPTH_SCALE, HEADS, MIDDLE, MIN_EXTENT, NEIGHBORS, PARTS, POINTS, SCALE
+from solver.anatomy.voted_limbs import MIRROR
 
 LISTS = [Path(__file__).with_name(name) for name in ("bodies.jsonl", "part_examples.jsonl")]
 POSES, BODIES, FILES_PER_PLAN = 8, 10, 8
@@ -42,12 +45,17 @@ BATCH, RATE, DECAY, AVERAGE = 16, 8e-4, 0.02, 0.998
 """Examples in a step, highest learning rate, decay of the weights, and share that their running average keeps."""
 
 WRONG_SHARE = 0.3
+"""Share of examples that stand in a wrong way."""
+
 PART_WEIGHTS = (0.6, 1.0, 1.3, 1.0, 1.5, 1.3)
+"""Weight of each part in the loss."""
+
 TRUNK_VOTE, VOTE_WEIGHT, STANDING_WEIGHT, VOTE_SCALE = 0.3, 12.0, 0.5, 0.1
 """Weight of the votes for a trunk's joints beside those for limbs, weights of votes and standing in the loss, and
 distance, in largest extents, above which the loss of a vote is linear."""
 
 WIDTHS, LAYERS = (48, 96, 160), 4
+"""Numbers of values of a point in each set, from fine to coarse, and of layers of attention."""
 
 Array = NDArray[Any]
 Arrays = dict[str, Array]
@@ -58,14 +66,23 @@ def write_examples(folder: Path, output: Path) -> None:
     output.mkdir(parents=True, exist_ok=True)
     rows = [json.loads(line) for path in LISTS for line in path.read_text(encoding="utf-8").splitlines()]
     for row in rows:
-        if (folder / row["file"]).exists():
-            found = list(posed(folder / row["file"], POSES))
+        path = folder / row["file"]
+        if path.exists() and _is_read_right(row, path):
+            found = list(posed(path, POSES))
             _write(output / f"{row['file'].replace('/', '+')}.npz", row["maker"], row.get("kind", "other"), found)
     for plan in PLANS:
         for number in range(FILES_PER_PLAN):
             rng = np.random.default_rng([list(PLANS).index(plan), number])
             found = [made(plan, rng) for _ in range(BODIES)]
             _write(output / f"made+{plan}{number}.npz", f"made {plan} {number}", f"made {plan}", found)
+
+
+def _is_read_right(row: dict[str, Any], path: Path) -> bool:
+    """Return whether the limbs of a file's skeleton are right; those in the second list were judged by eye."""
+    if "ends" not in row:
+        return True
+    character = load_character(path)
+    return score(row, character, find(character)).right[0]
 
 
 def _write(path: Path, maker: str, kind: str, examples: Sequence[Any]) -> None:

@@ -25,6 +25,7 @@ from solver.anatomy.limb_chain import evenly
 from solver.anatomy.orientation import spread
 from solver.anatomy.part_network import PARTS
 from solver.anatomy.solid import Solid, fill
+from solver.anatomy.voted_limbs import MIRROR
 from solver.motion.limbs import TRUNK, Bones, Limb, bones_of, parents_first
 from solver.surface.mesh import SolverMesh
 
@@ -35,7 +36,6 @@ REST_SHARE, ALIKE_SHARE, PLUMP_SHARE = 0.25, 0.6, 0.25
 """Shares of bodies in their file's pose, of those whose left and right limbs move alike, and of plump ones."""
 
 LEFT, UP, FRONT = np.eye(3)
-MIRROR = np.array([-1.0, 1.0, 1.0])
 
 Points = NDArray[np.float64]
 Example = tuple[Points, Points, NDArray[np.int64], list[tuple[int, Points]]]

@@ -38,6 +38,9 @@ SURE = 0.7
 MIN_NECK_SHARE = 0.3
 """Minimum length of a neck that is a limb, as a share of the trunk's length."""
 
+STEPS, MIN_SKULL = 40, 16
+"""Number of steps along a neck with its head, and the first step at which the head may be thickest."""
+
 UPRIGHT_COSINE = np.cos(np.radians(50))
 """Minimum cosine between up and the direction to the middle of a head that is upright on the trunk."""
 
@@ -68,7 +71,7 @@ def find_limbs(
 
 def _missing(found: Mapping[str, Points]) -> Iterator[str]:
     """Yield notes on limbs that most bodies have."""
-    for limb, others in (("leg", ("leg",)), ("arm", ("arm", "wing", "front"))):
+    for limb, others in (("leg", ("leg",)), ("arm", ("arm", "wing"))):
         few = sum("leg" in name for name in found) < 3
         if few and not any(word in name for name in found for word in others):
             yield (
@@ -116,12 +119,12 @@ class _Finder:
         for part in PARTS[2:]:
             own = [limb for limb in self.voted if limb.part == part]
             chances = np.mean([limb.chances for limb in own], axis=0) if own else np.ones(len(PARTS))
-            chance, other = chances[PARTS.index(part)], _other(part, chances)
+            other = _other(part, chances)
             names = [_named(other, limb.side) for limb in own]
-            if chance < SURE and sorted(names) in ([other], [f"left {other}", f"right {other}"]):
+            if chances[PARTS.index(part)] < SURE and sorted(names) in ([other], [f"left {other}", f"right {other}"]):
                 ends = [",".join(f"{value:.4g}" for value in limb.joints[-1] @ basis) for limb in own]
                 fix = " ".join(f"--limb '{name}={end}'" for name, end in zip(names, ends, strict=True))
-                yield f"What was taken for {part}s could be {other}s ({1 - chance:.0%}). If so: {fix}"
+                yield f"What was taken for {part}s could be {other}s ({chances[PARTS.index(other)]:.0%}). If so: {fix}"
 
     def _of(self, part: str, side: int = 0) -> list[VotedLimb]:
         return [limb for limb in self.voted if limb.part == part and limb.side == side]
@@ -186,16 +189,17 @@ class _Finder:
 
     def _with_neck(self, trunk: Points, head: Points) -> list[Points]:
         """Return a neck and a head, if the head is far from a trunk on which it is not upright; else the head."""
-        way = evenly(head, 41)
+        way = evenly(head, STEPS + 1)
+        step = float(np.linalg.norm(np.diff(head, axis=0), axis=1).sum()) / STEPS
         depth = self.solid.depth[scipy.spatial.cKDTree(self.solid.centers).query(way)[1]]
-        skull = 16 + int(depth[16:].argmax())
-        length = float(np.linalg.norm(np.diff(way[: skull + 1], axis=0), axis=1).sum() - depth[skull])
+        skull = MIN_SKULL + int(depth[MIN_SKULL:].argmax())
+        length = skull * step - float(depth[skull])
         stands = way[skull] - way[0]
         upright = len(self._of("leg", 1)) < 2 and stands[1] > UPRIGHT_COSINE * np.linalg.norm(stands)
         if upright or length < MIN_NECK_SHARE * np.linalg.norm(trunk[-1] - trunk[0]):
             return [head[[0, 1, 3]]]
-        end = max(round(40 * length / float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())), 2)
-        return [evenly(way[: end + 1], 3), way[[end, (end + 40) // 2, 40]]]
+        end = max(round(length / step), 2)
+        return [evenly(way[: end + 1], 3), way[[end, (end + STEPS) // 2, STEPS]]]
 
     def _above(self, trunk: Points) -> Points:
         """Return the head of a body that shows none: from the trunk to what is farthest beyond it."""

@@ -50,7 +50,7 @@ class Parts:
     joints : (n, 4, 3) float32
         Places of the joints of a point's limb, root to tip, in the points' coordinates.
     stands : float
-        Logit of standing as the coordinates say, if other ways to stand were as likely as this one.
+        Logit of the probability that the character stands as the coordinates say.
     """
 
     chances: Array
@@ -59,22 +59,21 @@ class Parts:
 
 
 @cache
-def load_weights(path: Path = WEIGHTS) -> Weights:
+def load_weights() -> Weights:
     """Return the weights of the network by their names."""
-    with np.load(path) as stored:
+    with np.load(WEIGHTS) as stored:
         return {name: stored[name].astype(np.float32) for name in stored.files}
 
 
-def parts_of(points: NDArray[np.float64], depths: NDArray[np.float64], weights: Weights | None = None) -> Parts:
+def parts_of(points: NDArray[np.float64], depths: NDArray[np.float64]) -> Parts:
     """Return what the network says of points inside a character.
 
     Parameters
     ----------
     points : (n, 3) float64
-        Left, up and front; in any order that is not that of their places.
+        Left, up and front, in mesh units. Their order is random: the first ones are the coarser sets.
     depths : (n,) float64
-        Distance of the surface from each.
-    weights : mapping of str to float32, optional
+        Distance of the surface from each, in mesh units.
     """
     low, high = points.min(axis=0), points.max(axis=0)
     middle, scale = (low + high) / 2, float((high - low).max())
@@ -82,12 +81,14 @@ def parts_of(points: NDArray[np.float64], depths: NDArray[np.float64], weights: 
     extent = np.maximum((high - low) / scale, MIN_EXTENT)
     share = (SCALE * (points - low) / scale / extent - SCALE / 2).astype(np.float32)
     depth = (DEPTH_SCALE * depths[:, None] / scale - 1).astype(np.float32)
-    chances, offsets, stands = _Layers(load_weights() if weights is None else weights).answer(x, depth, share)
+    chances, offsets, stands = _Layers(load_weights()).answer(x, depth, share)
     joints = (x[:, None] + offsets.reshape(-1, 4, 3)) * np.float32(scale) + middle.astype(np.float32)
     return Parts(chances, joints, stands)
 
 
 class _Layers:
+    """The layers of the network, by the names of their weights."""
+
     def __init__(self, weights: Weights) -> None:
         self._weights = weights
 

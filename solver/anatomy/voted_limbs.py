@@ -60,8 +60,6 @@ class VotedLimb:
         1 for left, −1 for right, 0 for the middle.
     joints : (4, 3) float64
         Root to tip.
-    share : float
-        Share of the points that voted for it.
     chances : (6,) float64
         Mean probability of each of `PARTS` at these points.
     points : (k, 3) float64
@@ -71,7 +69,6 @@ class VotedLimb:
     part: str
     side: int
     joints: Points
-    share: float
     chances: Points
     points: Points
 
@@ -86,7 +83,7 @@ class Votes:
     chances : (n, 6) float64
     joints : (n, 4, 3) float64
     stands : float
-        Logit of standing as the coordinates say, with other ways to stand as likely as this one.
+        Logit of the probability that the character stands as the coordinates say.
     """
 
     points: Points
@@ -103,8 +100,8 @@ def votes_of(solid: Solid, sets: int = SETS) -> Votes:
     Parameters
     ----------
     solid : Solid
-    sets : int
-        Number of sets of points.
+    sets : int, optional
+        Number of sets of points. One is enough to compare ways to stand.
     """
     rng = np.random.default_rng(0)
     order = rng.permutation(len(solid.centers))
@@ -146,7 +143,7 @@ def voted_limbs(votes: Votes) -> list[VotedLimb]:
                 if len(of) >= least and (number == 0 or chances[number] >= MIN_CHANCE):
                     joints, points = np.median(votes.joints[of], axis=0), votes.points[of]
                     joints = _settled(joints, points) if number >= PARTS.index("arm") else joints
-                    limbs.append(VotedLimb(name, side, joints, len(of) / len(part), chances, points))
+                    limbs.append(VotedLimb(name, side, joints, chances, points))
     return limbs
 
 

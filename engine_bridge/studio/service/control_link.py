@@ -44,19 +44,20 @@ class ControlLink:
         Raises
         ------
         ServiceError
-            The service's own error, or no reply within `timeout` seconds.
+            The service's own error, no reply within `timeout` seconds, or the connection was closed.
         """
         number = next(self._numbers)
+        sending = asyncio.ensure_future(self._socket.send(encode({"do": do, "id": number, **arguments}, "json")))
         reply = self._waiting[number] = asyncio.get_running_loop().create_future()
         try:
             async with asyncio.timeout(timeout):
-                await self._socket.send(encode({"do": do, "id": number, **arguments}, "json"))
-                answer = await reply
+                answer = await reply  # and not `sending`, which closing the socket cancels, and whoever waits for it
         except TimeoutError as error:
             raise ServiceError(
                 "the service", found=f"no reply within {timeout:g} s", expected="a running service", fix="Try again."
             ) from error
         finally:
+            sending.cancel()
             del self._waiting[number]
         if not answer["ok"]:
             raise ServiceError(**answer["error"])

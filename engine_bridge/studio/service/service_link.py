@@ -18,19 +18,10 @@ DESCRIBE_SECONDS = 2.0
 
 
 class ServiceLink:
-    """A service, started by the studio or elsewhere: its reports, and requests to it.
-
-    Attributes
-    ----------
-    described : dict
-        The service's facts of each character, by name (`describe` of docs/control.md).
-    status : dict
-        Its status; empty while it does not run.
-    """
+    """A service, started by the studio or elsewhere: its reports, and requests to it."""
 
     def __init__(self) -> None:
-        self.described: dict[str, dict[str, Any]] = {}
-        self.status: dict[str, Any] = {}
+        self._described: dict[str, Any] = {}  # the last reply to `describe`, of the service `_linked`
         self._watcher: Callable[[], None] = lambda: None
         self._link: ControlLink | None = None
         self._linked: Reached | None = None
@@ -45,6 +36,22 @@ class ServiceLink:
     def reached(self) -> Reached | None:
         """Its addresses and token; None while it does not run."""
         raise NotImplementedError
+
+    @property
+    def described(self) -> dict[str, dict[str, Any]]:
+        """The service's facts of each character, by name (docs/control.md, `describe`); empty while it does not run."""
+        return {each["name"]: each for each in self._present.get("characters", [])}
+
+    @property
+    def status(self) -> dict[str, Any]:
+        """Its status; empty while it does not run."""
+        status: dict[str, Any] = self._present.get("status", {})
+        return status
+
+    @property
+    def _present(self) -> dict[str, Any]:
+        """What the service said of itself, unless another has taken its place since."""
+        return self._described if self._linked is self.reached else {}
 
     def watch(self, watcher: Callable[[], None]) -> None:
         """Call a function when something has changed."""
@@ -78,10 +85,8 @@ class ServiceLink:
         if link is not None:
             with contextlib.suppress(PuppetlineError):
                 described = await link.request("describe", timeout=DESCRIBE_SECONDS)
-        characters = {each["name"]: each for each in described.get("characters", [])}
-        status = described.get("status", {})
-        if (characters, status) != (self.described, self.status):
-            self.described, self.status = characters, status
+        if link is self._link and described != self._described:
+            self._described = described
             self._watcher()
 
     def _absence(self) -> ServiceError:
@@ -98,6 +103,7 @@ class ServiceLink:
         reached = self.reached
         if reached is not self._linked:
             old, self._link, self._linked = self._link, None, reached
+            self._described = {}
             if reached is not None:
                 self._link = ControlLink(reached.control, reached.token)
             if old is not None:

@@ -1,140 +1,30 @@
 """Bodies that are made by rule: examples for `benchmarks.part_fitting` of plans that few public characters have.
 
-A body is a union of ellipsoids along its limbs. Sizes, poses and what grows on it are random.
+Sizes, poses and what grows on a body are random.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from scipy import ndimage
+from numpy.typing import NDArray
 
+from benchmarks.grown_bodies import (
+    SIDES,
+    Body,
+    Points,
+    cells,
+    chain,
+    ears,
+    head,
+    horns,
+    leg,
+    neck,
+    straight,
+    tail,
+    trunk,
+    wing,
+)
 from solver.anatomy.part_network import PARTS
-
-CELLS_PER_AXIS = 88
-"""Number of cells along the longest axis."""
-
-MIN_THICKNESS = 0.9
-"""Minimum radius of an ellipsoid, in cells."""
-
-Points = NDArray[np.float64]
-SIDES = (1.0, -1.0)
-
-
-@dataclass
-class Body:
-    """A body that is being made; its coordinates are left, up and front, and it is about 1 high or long.
-
-    Attributes
-    ----------
-    rng : numpy.random.Generator
-    limbs : list of (int, array)
-        Number of the part in `PARTS`, and four joints from root to tip.
-    grown : list of (int, array, array, array)
-        Ellipsoids: limb, centre, axes as rows, radii.
-    """
-
-    rng: np.random.Generator
-    limbs: list[tuple[int, Points]] = field(default_factory=list)
-    grown: list[tuple[int, Points, Points, Points]] = field(default_factory=list)
-
-    def between(self, low: float, high: float) -> float:
-        return float(self.rng.uniform(low, high))
-
-    def happens(self, chance: float) -> bool:
-        return bool(self.rng.random() < chance)
-
-    def limb(self, part: str, joints: ArrayLike, radii: Sequence[float], flat: float = 1.0) -> int:
-        """Add a limb with radii at equal distances; a flat one is thin along up. Return its number."""
-        points, number = np.asarray(joints, float), len(self.limbs)
-        self.limbs.append((PARTS.index(part), points))
-        lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
-        along = np.concatenate([[0.0], np.cumsum(lengths)])
-        count = int(np.clip(1.5 * along[-1] / (min(radii) + 0.02), 14, 60))
-        for share in np.linspace(0, 1, count):
-            center = np.array([np.interp(share * along[-1], along, axis) for axis in points.T])
-            radius = float(np.interp(share, np.linspace(0, 1, len(radii)), radii))
-            row = min(int(share * len(lengths)), len(lengths) - 1)
-            self.blob(number, center, radius * np.array([flat, 1.0, 1.0]), _axes(points[row + 1] - points[row]))
-        return number
-
-    def blob(self, limb: int, center: ArrayLike, radii: ArrayLike, axes: Points | None = None) -> None:
-        """Add an ellipsoid to a limb."""
-        axes = np.eye(3) if axes is None else axes
-        self.grown.append((limb, np.asarray(center, float), axes, np.broadcast_to(np.asarray(radii, float), 3)))
-
-    def widen(self, limb: int, factors: ArrayLike) -> None:
-        """Stretch what has grown on a limb."""
-        self.grown = [(own, *where, radii * factors if own == limb else radii) for own, *where, radii in self.grown]
-
-
-def _axes(way: Points) -> Points:
-    """Return axes as rows: up without its share along a way, to the side, along the way."""
-    along = way / np.linalg.norm(way)
-    up = np.array([0.0, 1.0, 0.1])
-    across = up - along * (up @ along)
-    across /= np.linalg.norm(across)
-    return np.array([across, np.cross(along, across), along])
-
-
-def chain(root: ArrayLike, ways: Sequence[ArrayLike], lengths: Sequence[float]) -> Points:
-    """Return the joints of a limb whose bones point along ways."""
-    points = [np.asarray(root, float)]
-    for way, length in zip(ways, lengths, strict=True):
-        vector = np.asarray(way, float)
-        points.append(points[-1] + vector / np.linalg.norm(vector) * length)
-    return np.array(points)
-
-
-def straight(start: ArrayLike, end: ArrayLike) -> Points:
-    return np.linspace(np.asarray(start, float), np.asarray(end, float), 4)
-
-
-def trunk(body: Body, low: ArrayLike, high: ArrayLike, radius: float) -> int:
-    factors = [(0.7, 1.1), (0.8, 1.15), (0.8, 1.15), (0.6, 1.05)]
-    return body.limb("trunk", straight(low, high), [radius * body.between(*each) for each in factors])
-
-
-def head(body: Body, root: ArrayLike, way: ArrayLike, length: float, radius: float) -> tuple[int, Points]:
-    joints = chain(root, [way] * 3, [length / 3] * 3)
-    return body.limb("head", joints, [0.6 * radius, radius, radius, 0.6 * radius]), joints
-
-
-def neck(body: Body, root: Points, way: Points, length: float, radii: Sequence[float]) -> Points:
-    """Add a neck, and return its end."""
-    joints = chain(root, [way] * 3, [length / 3] * 3)
-    body.limb("head", joints, radii)
-    return np.asarray(joints[-1])
-
-
-def leg(body: Body, root: ArrayLike, foot: ArrayLike, knee: ArrayLike, radius: float, toes: ArrayLike) -> int:
-    hip, ankle = np.asarray(root, float), np.asarray(foot, float)
-    joints = [hip, (hip + ankle) / 2 + knee, ankle, ankle + toes]
-    factors = [body.between(1, 1.5), 1.0, body.between(0.6, 0.9), body.between(0.6, 1.1)]
-    return body.limb("leg", joints, [radius * each for each in factors])
-
-
-def tail(body: Body, root: ArrayLike, way: ArrayLike, length: float, radii: tuple[float, float], curl: float) -> Points:
-    """Add a tail, and return its end."""
-    ways, bend = [np.asarray(way, float)], curl * body.rng.normal(0, 1, 3) * [0.3, 1.0, 0.0]
-    for _ in range(2):
-        ways.append(ways[-1] / np.linalg.norm(ways[-1]) + 0.4 * bend)
-    joints = chain(root, ways, [length / 3] * 3)
-    body.limb("tail", joints, np.linspace(*radii, 4).tolist())
-    return np.asarray(joints[-1])
-
-
-def wing(body: Body, root: ArrayLike, span: float, chord: float, ways: Sequence[ArrayLike], flat: float) -> None:
-    radii = [0.5 * chord, chord, 0.9 * chord, 0.35 * chord]
-    body.limb("wing", chain(root, ways, [0.3 * span, 0.35 * span, 0.35 * span]), radii, flat)
-
-
-def ears(body: Body, limb: int, top: Points, radius: float, length: float) -> None:
-    for side in SIDES:
-        root = top + np.array([side * radius * body.between(0.5, 0.9), 0, 0])
-        for share in np.linspace(0, 1, 6):
-            body.blob(limb, root + length * share * np.array([0.3 * side, 1, 0]), 0.3 * radius * (1.1 - share))
 
 
 def biped(body: Body, plump: float = 1.0) -> None:
@@ -148,6 +38,8 @@ def biped(body: Body, plump: float = 1.0) -> None:
         ears(body, skull, joints[3] - [0, 0.1 * radius, 0], radius, body.between(0.1, 0.35))
     if body.happens(0.4):  # a muzzle
         body.blob(skull, joints[2] + [0, -0.1 * radius, radius], 0.4 * radius)
+    if body.happens(0.15):
+        horns(body, skull, joints[2], radius)
     if body.happens(0.3):  # the brim of a hat
         body.blob(skull, joints[3], [1.5 * radius, 0.03, 1.5 * radius])
     thick, apart = plump * body.between(0.035, 0.1), width * body.between(0.5, 1.1)
@@ -166,7 +58,7 @@ def biped(body: Body, plump: float = 1.0) -> None:
             wing(body, (0.05 * side, shoulder - 0.05, -width), span, chord, [(side, rise, -0.4)] * 3, 0.12)
 
 
-def _arms(body: Body, width: float, shoulder: float, plump: float) -> None:
+def _arms(body: Body, width: float, shoulder: float, plump: float, ahead: float = 0.0) -> None:
     length, thick = body.between(0.15, 0.45) / plump, plump * body.between(0.025, 0.075)
     alike, way, beyond = body.happens(0.7), np.zeros(3), np.zeros(3)
     pose = int(body.rng.integers(5))
@@ -179,7 +71,7 @@ def _arms(body: Body, width: float, shoulder: float, plump: float) -> None:
             beyond = way + bend if body.happens(0.6) else way
         image = np.array([side, 1, 1])
         ways, lengths = [way * image, beyond * image, beyond * image], [0.45 * length, 0.4 * length, 0.2 * length]
-        joints = chain((0.9 * side * width, shoulder - 0.03, 0), ways, lengths)
+        joints = chain((0.9 * side * width, shoulder - 0.03, ahead), ways, lengths)
         body.limb("arm", joints, [1.2 * thick, thick, 0.8 * thick, thick * body.between(0.8, 1.5)])
 
 
@@ -192,8 +84,9 @@ def quadruped(body: Body, winged: bool = False) -> None:
         root = neck(body, root, way, reach, [0.7 * width, 0.55 * width, 0.5 * width, 0.45 * width])
     radius = body.between(0.07, 0.18)
     skull, joints = head(body, root, (0, body.between(-0.6, 0.6), 1), radius * body.between(1.8, 3.2), radius)
-    if body.happens(0.7):
-        ears(body, skull, joints[1] + [0, 0.7 * radius, 0], radius, body.between(0.05, 0.25))
+    _on_the_head(body, skull, joints[1] + [0, 0.7 * radius, 0], radius)
+    for share in np.linspace(0, 1, 16) if body.happens(0.08) else ():  # an elephant's nose
+        body.blob(skull, joints[3] + height * share * np.array([0, -0.8, 0.3]), 0.4 * radius * (1.2 - share))
     thick = body.between(0.03, 0.08)
     for place, bend in ((0.04 - length / 2, -0.03), (length / 2 - 0.04, 0.03)):
         apart, stride = width * body.between(0.5, 1.0), body.rng.normal(0, 0.06)
@@ -215,6 +108,71 @@ def quadruped(body: Body, winged: bool = False) -> None:
             ]
             root = (0.6 * side * width, height + 1.1 * width, 0.2 * length)
             wing(body, root, span, chord, away if folded else spread, body.between(0.06, 0.2))
+
+
+def _on_the_head(body: Body, skull: int, top: Points, radius: float) -> None:
+    if body.happens(0.7):
+        ears(body, skull, top, radius, body.between(0.05, 0.25))
+    if body.happens(0.2):
+        horns(body, skull, top, radius)
+
+
+def sprawler(body: Body) -> None:
+    """Make a lizard, a crocodile or a turtle: legs to the side of a body near the ground."""
+    length, width, height = body.between(0.3, 0.7), body.between(0.06, 0.2), body.between(0.02, 0.12)
+    level, wide = height + width, body.between(1, 1.8)
+    body.widen(trunk(body, (0, level, -length / 2), (0, level, length / 2), width), (1.0, wide, 1.0))
+    root, radius = np.array([0, level, length / 2 + 0.4 * width]), width * body.between(0.5, 0.9)
+    if (reach := body.between(0, 0.3)) > 0.15:
+        way = np.array([0, body.between(-0.2, 0.8), 1])
+        root = neck(body, root, way, reach, [0.7 * width, 0.6 * width, 0.5 * width, 0.5 * width])
+    head(body, root, (0, body.between(-0.3, 0.3), 1), radius * body.between(2, 4), radius)
+    thick, reach, out = body.between(0.02, 0.05), body.between(0.08, 0.25), body.between(0, 0.6)
+    for place in (0.1 - length / 2, length / 2 - 0.05):
+        forwards = body.between(-0.5, 0.7)
+        for side in SIDES:
+            hip = np.array([0.7 * side * width * wide, level - 0.2 * width, place])
+            foot = hip + reach * np.array([side, 0, forwards + body.rng.normal(0, 0.15)])
+            foot[1] = 0.02
+            knee = np.array([0.2 * side * reach, out * reach, 0])
+            leg(body, hip, foot, knee, thick, (0.3 * side * thick, -0.01, thick * body.between(1, 2.5)))
+    if body.happens(0.9):
+        root, radii = (0, level, -length / 2 - 0.4 * width), (0.7 * width * body.between(0.3, 1.1), 0.01)
+        tail(body, root, (0, body.between(-0.3, 0.2), -1), body.between(0.08, 0.9), radii, 0.7)
+
+
+def centaur(body: Body) -> None:
+    quadruped(body)
+    chest = body.limbs[0][1][-1]
+    kept = [number for number, (part, _) in enumerate(body.limbs) if PARTS[part] != "head"]
+    body.grown = [(kept.index(limb), *rest) for limb, *rest in body.grown if limb in kept]
+    body.limbs = [body.limbs[number] for number in kept]
+    shoulder, width = chest[1] + body.between(0.25, 0.4), body.between(0.07, 0.13)
+    for share in np.linspace(0, 1, 10):
+        body.blob(0, [0, chest[1] + share * (shoulder - chest[1]), chest[2]], [width, 0.06, 0.7 * width])
+    radius = body.between(0.06, 0.1)
+    head(body, (0, shoulder + 0.02, chest[2]), (0, 1, 0.1), 2.2 * radius, radius)
+    _arms(body, width, shoulder, 1.0, chest[2])
+
+
+def ghost(body: Body) -> None:
+    """Make a body without legs: a ghost, a mermaid, a person in a long robe."""
+    shoulder, width = body.between(0.4, 0.8), body.between(0.1, 0.22)
+    trunk(body, (0, shoulder - 0.25, 0), (0, shoulder, 0), width)
+    radius = body.between(0.1, 0.22)
+    skull, joints = head(body, (0, shoulder + 0.02, 0), (0, 1, 0.1), 2 * radius, radius)
+    if body.happens(0.3):
+        ears(body, skull, joints[3] - [0, 0.1 * radius, 0], radius, body.between(0.1, 0.35))
+    _arms(body, width, shoulder, body.between(1, 1.5))
+    root = np.array([0, shoulder - 0.25 - 0.6 * width, 0])
+    if body.happens(0.5):  # a robe
+        wider = body.between(0.8, 2)
+        for share in np.linspace(0, 1, 12):
+            own = width * (1 + share * (wider - 1))
+            body.blob(0, [0, root[1] * (1 - share) + 0.02, 0], [own, 0.05, own])
+    else:
+        away = body.between(0, 1.5)
+        tail(body, root, (0, -1, -away), root[1] * body.between(0.8, 1.4), (0.9 * width, 0.2 * width), 0.3)
 
 
 def bird(body: Body) -> None:
@@ -391,6 +349,9 @@ PLANS: dict[str, Callable[[Body], None]] = {
     "octopus": octopus,
     "snake": snake,
     "wyvern": wyvern,
+    "sprawler": sprawler,
+    "centaur": centaur,
+    "ghost": ghost,
 }
 
 
@@ -408,31 +369,4 @@ def made(plan: str, rng: np.random.Generator) -> tuple[Points, Points, NDArray[n
     """
     body = Body(rng)
     PLANS[plan](body)
-    reach = np.array([radii.max() for *_, radii in body.grown])[:, None]
-    centers = np.array([center for _, center, _, _ in body.grown])
-    low, high = (centers - reach).min(axis=0), (centers + reach).max(axis=0)
-    size = float((high - low).max()) / CELLS_PER_AXIS
-    low -= 2 * size
-    shape = np.ceil((high - low) / size).astype(int) + 3
-    away, limbs = np.full(shape, np.inf), np.zeros(shape, dtype=np.int64)
-    for limb, box, distance in _distances(body, low, size, shape):
-        nearer = distance < away[box]
-        away[box][nearer], limbs[box][nearer] = distance[nearer], limb
-    rough = ndimage.gaussian_filter(rng.normal(size=shape), 5)
-    inside = ndimage.binary_fill_holes(away + rough / rough.std() * size * rng.uniform(0, 1.2) < 0)
-    depths = (ndimage.distance_transform_edt(inside) - 0.5) * size
-    return np.argwhere(inside) * size + low, depths[inside], limbs[inside], body.limbs
-
-
-def _distances(
-    body: Body, low: Points, size: float, shape: NDArray[np.int64]
-) -> Iterator[tuple[int, tuple[slice, ...], Points]]:
-    """Yield each ellipsoid's limb, the cells around it, and their approximate distances from its surface."""
-    for limb, center, axes, radii in body.grown:
-        reach = radii.max() + 2 * size
-        first = np.maximum(((center - reach - low) / size).astype(int), 0)
-        last = np.minimum(((center + reach - low) / size).astype(int) + 2, shape)
-        box = tuple(slice(*each) for each in zip(first, last, strict=True))
-        cells = np.stack(np.mgrid[box], axis=-1) * size + low - center
-        thick = np.maximum(radii, MIN_THICKNESS * size)
-        yield limb, box, (np.linalg.norm(cells @ axes.T / thick, axis=-1) - 1) * thick.min()
+    return *cells(body), body.limbs

@@ -1,7 +1,7 @@
 """Characters with skeletons in random poses: examples for `benchmarks.part_fitting`.
 
 The limbs that `puppetline new` reads from a file's skeleton are turned and resized, and the character follows them by
-its own skin. Some are made plump, as toys are, whose limbs touch the body.
+its own skin. Some are made plump, as toys are, whose limbs touch the body, and some hold or wear things.
 """
 
 import zlib
@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from benchmarks.limb_finding import turn
+from benchmarks.things import things
 from engine_bridge.character.character import CharacterMesh, load_character
 from engine_bridge.puppet.limb_nodes import node_labels
 from engine_bridge.puppet.rig_bones import rig_bones
@@ -107,13 +108,26 @@ def _example(
         ends = [np.append(heads[first], 1) @ motions[first]]
         ends += [np.append(tails[bone], 1) @ motions[bone] for bone in range(first, first + len(limb.points) - 1)]
         parts.append((part_of(limb.name), four(limb.name, np.array(ends) * stretch)))
-    solid = fill(vertices, mesh.faces, mesh.components)
+    faces, limb_of_face = mesh.faces, _limb_of_faces(mesh, limbs, shares, names)
+    components = mesh.components
+    for limb, corners, triangles in () if rng is None else things(parts, rng):
+        components = np.append(components, np.full(len(corners), components.max() + 1, components.dtype))
+        faces = np.concatenate([faces, triangles + len(vertices)])
+        vertices = np.concatenate([vertices, corners])
+        limb_of_face = np.append(limb_of_face, np.full(len(triangles), limb))
+    solid = fill(vertices, faces, components)
     if rng is not None and rng.random() < PLUMP_SHARE:
         solid = _plump(solid, rng.uniform(0.006, 0.03) * float(np.ptp(vertices, axis=0).max()))
-    points, face = spread(vertices[mesh.faces], SAMPLES)
+    points, face = spread(vertices[faces], SAMPLES)
+    return solid.centers, solid.depth, limb_of_face[face[cKDTree(points).query(solid.centers)[1]]], parts
+
+
+def _limb_of_faces(
+    mesh: SolverMesh, limbs: Sequence[Limb], shares: Points, names: Sequence[tuple[str, int]]
+) -> NDArray[np.int64]:
+    """Return the number of the limb whose bone moves each triangle most."""
     of_bone = np.array([[limb.name for limb in limbs].index(name) for name, _ in names])
-    of_point = of_bone[shares[mesh.faces[face]].mean(axis=1).argmax(axis=1)]
-    return solid.centers, solid.depth, of_point[cKDTree(points).query(solid.centers)[1]], parts
+    return np.asarray(of_bone[shares[mesh.faces].mean(axis=1).argmax(axis=1)])
 
 
 def _plump(solid: Solid, by: float) -> Solid:

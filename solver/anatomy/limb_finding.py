@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from solver.anatomy.limb_chain import LimbChain, Limbs, evenly, leg_names
 from solver.anatomy.part_network import PARTS
-from solver.anatomy.solid import Solid, fill
+from solver.anatomy.solid import Solid, solid_of
 from solver.anatomy.voted_limbs import MIRROR, PAIRED, Points, VotedLimb, bend_of, voted_limbs, votes_of
 from solver.surface.mesh import SolverMesh
 
@@ -62,8 +62,7 @@ def find_limbs(
     ends : mapping of str to (3,) float64
         Ends of limbs that the user has given, by name; mesh file's coordinates.
     """
-    solid = fill(mesh.vertices @ basis.T, mesh.faces, mesh.components)
-    finder = _Finder(solid, {name: basis @ np.asarray(end) for name, end in ends.items()})
+    finder = _Finder(solid_of(mesh).along(basis), {name: basis @ np.asarray(end) for name, end in ends.items()})
     found = finder.limbs()
     chains = tuple(LimbChain(name, points @ basis) for name, points in found.items())
     return Limbs(chains, (*_missing(found), *finder.doubts(basis)))

@@ -1,12 +1,14 @@
 """The space inside a character, divided into cells. Touching parts are united; flat cloth has no cells."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
 from puppetline.compiled import compiled
+from solver.surface.mesh import SolverMesh
 
 CELL_COUNT = 60_000
 """Approximate number of cells in a character; a limb with a sixtieth of its length as thickness is three cells
@@ -42,6 +44,18 @@ class Solid:
     size: float
     centers: NDArray[np.float64]
     depth: NDArray[np.float64]
+
+    def along(self, basis: NDArray[np.float64]) -> "Solid":
+        """Return the solid in coordinates along the rows of a basis (3, 3), by which its cells are sorted."""
+        centers = self.centers @ basis.T
+        order = np.lexsort(centers.T[::-1])
+        return replace(self, centers=centers[order], depth=self.depth[order])
+
+
+@lru_cache(maxsize=1)
+def solid_of(mesh: SolverMesh) -> Solid:
+    """Return the cells inside a character, in its mesh's coordinates; the last ones are kept."""
+    return fill(mesh.vertices, mesh.faces, mesh.components)
 
 
 def fill(vertices: NDArray[np.float64], faces: NDArray[np.int64], components: NDArray[np.int32]) -> Solid:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from solver.anatomy import orientation
 from solver.anatomy.axes import unit_vector
 from solver.anatomy.orientation import Orientation
-from solver.anatomy.solid import fill
+from solver.anatomy.solid import solid_of
 from solver.anatomy.voted_limbs import votes_of
 from solver.surface.mesh import SolverMesh
 
@@ -58,5 +58,4 @@ def standing_logits(mesh: SolverMesh, bases: Sequence[NDArray[np.float64]]) -> l
     bases : sequence of (3, 3) float64
         Rows are the mesh's directions of left, up and front, along its axes.
     """
-    solid = fill(mesh.vertices, mesh.faces, mesh.components)
-    return [votes_of(replace(solid, centers=solid.centers @ basis.T), sets=1).stands for basis in bases]
+    return [votes_of(solid_of(mesh).along(basis), sets=1).stands for basis in bases]

@@ -5,7 +5,7 @@ import tomllib
 import typing
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails, PydanticCustomError
@@ -25,10 +25,21 @@ EXPECTED = {
 """What is expected after an error of pydantic, by its type, in TOML's terms; messages of other types are clear."""
 
 
+Kind = Literal["puppet", "scene", "service"]
+"""Kind of a TOML file."""
+
+
 class Table(BaseModel):
-    """A table of a file; unknown keys are errors."""
+    """A table of a file; unknown keys are errors.
+
+    Attributes
+    ----------
+    file_kind : Kind or None
+        Kind of the file if the table is a whole file that people may take for another.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+    file_kind: ClassVar[Kind | None] = None
 
 
 File = TypeVar("File", bound=Table)
@@ -114,17 +125,31 @@ def parse(text: str, where: str | Path, family: type[PuppetlineError]) -> dict[s
         ) from error
 
 
+def kind_of(values: dict[str, Any]) -> Kind | None:
+    """Return the kind of a file by its tables; None if they do not tell."""
+    if "stage" in values:
+        return "service"
+    characters = values.get("character")
+    if isinstance(characters, list):
+        return "scene"
+    return "puppet" if isinstance(characters, dict) and "mesh" in characters else None
+
+
 def check(model: type[File], values: dict[str, Any], where: str | Path, family: type[PuppetlineError]) -> File:
     """Return the values of a file as a model; `where` names the file in errors of the class `family`.
 
     Raises
     ------
     PuppetlineError
-        The first value that does not fit the model.
+        The file is of another kind, or the first value that does not fit the model.
     """
     try:
         return model.model_validate(values)
     except ValidationError as error:
+        kind = kind_of(values)
+        if None not in (model.file_kind, kind) and kind != model.file_kind:
+            found, expected = f"a {kind} file", f"a {model.file_kind} file"
+            raise family(where, found=found, expected=expected, fix="Check the path.") from error
         raise _explained(error.errors(), model, values, where, family) from error
 
 

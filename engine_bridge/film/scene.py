@@ -2,7 +2,7 @@
 
 import difflib
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 from PIL import ImageColor
 from pydantic import BeforeValidator, Field, StrictBool, model_validator
@@ -10,7 +10,7 @@ from pydantic import BeforeValidator, Field, StrictBool, model_validator
 from engine_bridge.puppet.puppet import Number, Text
 from puppetline import toml_schema
 from puppetline.errors import PuppetlineError
-from puppetline.toml_schema import FilmSet, FilmSize, Table, check_distinct, mistake
+from puppetline.toml_schema import FilmSet, FilmSize, Kind, Table, check_distinct, mistake
 
 MAX_SECONDS = 6 * 3600.0
 """Maximum length of a film, in seconds."""
@@ -265,6 +265,8 @@ class SetTables(Table):
 
 class Scene(SetTables):
     """All tables of a scene file."""
+
+    file_kind: ClassVar[Kind | None] = "scene"
 
     character: Annotated[tuple[CharacterTable, ...], Field(min_length=1)]
     take: tuple[TakeTable, ...] = ()

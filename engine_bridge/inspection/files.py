@@ -63,8 +63,7 @@ def kind_of(path: Path) -> Kind:
         found = "a folder" if path.is_dir() else "no such file"
         raise PuppetlineError(path, found=found, expected="a file", fix="Check the path.")
     if path.suffix.lower() == ".toml":
-        tables = _tables(path)
-        return "service" if "stage" in tables else "scene" if isinstance(tables.get("character"), list) else "puppet"
+        return toml_schema.kind_of(_tables(path)) or "puppet"
     if recognize(path) is not None:
         return "log"
     with path.open("rb") as file:

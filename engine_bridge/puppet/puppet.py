@@ -3,7 +3,7 @@
 import difflib
 import re
 from itertools import pairwise
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from pydantic import AfterValidator, Field, FiniteFloat, StrictBool, model_valid
 from capture.channels import ALL_CHANNELS
 from capture.skeleton import JOINT_INDEX, JOINTS
 from capture.smoothing import Smoothing
-from puppetline.toml_schema import Table, check_distinct, mistake
+from puppetline.toml_schema import Kind, Table, check_distinct, mistake
 from solver.anatomy.axes import unit_vector
 from solver.model.reduced_model import ModelParameters
 from solver.model.rotations import RotationMode
@@ -288,6 +288,8 @@ class VrmTable(Table):
 
 class Puppet(Table):
     """All tables of a puppet file."""
+
+    file_kind: ClassVar[Kind | None] = "puppet"
 
     character: CharacterTable
     limb: tuple[LimbTable, ...] = ()

@@ -6,7 +6,7 @@
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, FiniteFloat, StrictBool, model_validator
 
@@ -22,7 +22,7 @@ from engine_bridge.service.stages.stage import StageSettings
 from engine_bridge.service.stages.user_assignment import People
 from puppetline import toml_schema
 from puppetline.errors import ServiceError
-from puppetline.toml_schema import Table, check_distinct, mistake
+from puppetline.toml_schema import Kind, Table, check_distinct, mistake
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,32}$")]
 """Name of a character or stage in topics and addresses."""
@@ -101,6 +101,8 @@ class OutputTables(Table):
 
 class ServiceFile(OutputTables):
     """A whole service file."""
+
+    file_kind: ClassVar[Kind | None] = "service"
 
     stage: Annotated[tuple[StageTable, ...], Field(min_length=1, max_length=16)]
     metrics: MetricsTable | None = None

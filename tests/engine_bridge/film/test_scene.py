@@ -53,6 +53,8 @@ def test_a_character_and_a_take_are_enough(load):
         (BOTH + CAMERAS, "[[camera]] 2, at", "1 s after a camera at 2 s"),
         (BOTH + '[[camera]]\nshow = ["c"]', "[[camera]] 1, show, 1", "'c'"),
         (BOTH + "[film]\nfps = 0", "[film], fps", "0"),
+        ('[character]\nmesh = "dog.glb"', None, "a puppet file"),
+        ('[[stage]]\nsource = "osc:0"', None, "a service file"),
         (None, None, "a file that cannot be read"),
     ],
 )

@@ -41,7 +41,7 @@ from scipy.spatial.transform import Rotation
 
 from engine_bridge.character.character import CharacterMesh, load_character, make_character
 from engine_bridge.puppet.limb_proposal import limb_tables
-from engine_bridge.puppet.proposal import PLACEHOLDER_HANDLES, axes_of, fitting
+from engine_bridge.puppet.proposal import PLACEHOLDER_HANDLES, fitting, limbs_of, stands_of
 from engine_bridge.puppet.puppet import Direction
 from engine_bridge.puppet.puppet_file import check
 from engine_bridge.puppet.rig_bones import rig_bones
@@ -50,7 +50,6 @@ from engine_bridge.puppet.skin_joints import vertex_influences
 from puppetline.errors import PuppetlineError
 from solver.anatomy.limb_chain import Limbs, evenly
 from solver.anatomy.limb_finding import find_limbs
-from solver.anatomy.standing import basis_of, propose_standing
 from solver.motion.limbs import TRUNK, Bones, Limb, bones_of, parents_first
 from solver.surface.mesh import SolverMesh, weld
 
@@ -221,19 +220,15 @@ Finder = Callable[[CharacterMesh], Answer]
 
 def find(character: CharacterMesh) -> Answer:
     """Return the answer of `puppetline new`."""
-    rig = rig_limbs(character)
-    axes, surface = axes_of(rig), character.solver_mesh()
-    if rig is not None and axes is not None:
-        answer = Answer(rig.limbs, *axes, rig.bodies[0][0])
-    else:
-        stands = propose_standing(surface, specified=rig is not None)
-        limbs = find_limbs(surface, basis_of(stands.up, stands.front))
-        answer = Answer(limbs, stands.up, stands.front, stands.confidence)
-    values = {"character": {"mesh": "a.glb", "up": answer.up, "front": answer.front}, "root": {}, "retarget": {}}
+    rig, surface = rig_limbs(character), character.solver_mesh()
+    stands = stands_of(rig, surface, specified=rig is not None)
+    values = {"character": {"mesh": "a.glb", "up": stands.up, "front": stands.front}, "root": {}, "retarget": {}}
     standing = check(values | {"handle": PLACEHOLDER_HANDLES}, "the proposal").character
-    tables = [limb.model_dump(exclude_none=True) for limb in limb_tables(answer.limbs, standing)]
+    limbs = limbs_of(rig, surface, standing)
+    tables = [limb.model_dump(exclude_none=True) for limb in limb_tables(limbs, standing)]
     kept = {table["name"] for table in fitting(values, tables, surface)[0]} if tables else set()
-    return replace(answer, limbs=Limbs(tuple(chain for chain in answer.limbs.chains if chain.name in kept)))
+    found = Limbs(tuple(chain for chain in limbs.chains if chain.name in kept))
+    return Answer(found, stands.up, stands.front, stands.confidence)
 
 
 def unnamed(character: CharacterMesh) -> CharacterMesh:

@@ -1,7 +1,7 @@
 """Proposal of a puppet for any mesh: its limbs, or handles if it has none, and the joints that move them."""
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -29,6 +29,7 @@ from solver.anatomy.axes import unit_vector
 from solver.anatomy.bodies import STILL
 from solver.anatomy.limb_chain import Limbs
 from solver.anatomy.limb_finding import find_limbs
+from solver.anatomy.orientation import Orientation
 from solver.anatomy.standing import propose_standing
 from solver.surface.mesh import SolverMesh
 
@@ -120,10 +121,7 @@ def new_puppet(
     where = "the command line"
     character, bodies = _with_chosen(load_character(mesh), body, at(where, field=f"--body {body}"))
     surface = character.solver_mesh()
-    places = {name: np.array(_numbers("--limb", name, text)) for name, text in ends.items()}
-    _check_ends(ends, where)
-    for name, point in places.items():
-        check_on_surface(point, surface, at(where, field=f"--limb {name}={ends[name]}"))
+    places = _places(ends, surface, where)
     table: dict[str, Any] = {"mesh": Path(os.path.relpath(mesh, output.parent)).as_posix()}
     if character.still:
         table["body"] = body or 1
@@ -137,16 +135,13 @@ def new_puppet(
     if up is not None and front is not None:
         check(values | {"handle": PLACEHOLDER_HANDLES}, where)  # refuses parallel axes first
     rig = None if ends else rig_limbs(character, *(axis and unit_vector(axis) for axis in (up, front)))
-    skeleton = axes_of(rig)
-    specified = mesh.suffix.lower() not in SURFACE_FILES
-    stands = propose_standing(surface, *(skeleton or (up, front)), specified=specified)
+    stands = stands_of(rig, surface, up, front, specified=mesh.suffix.lower() not in SURFACE_FILES)
     values["character"] = {"up": stands.up, "front": stands.front} | values["character"]
     standing = check(values | {"handle": PLACEHOLDER_HANDLES}, where).character
-    notes = [*_others(bodies, body or 1)]
-    others = _others_of_skeleton(rig) if rig is not None and skeleton else stands.others
-    notes += _other_axes(others, (stands.up, stands.front))
+    notes = [*_others(bodies, body or 1), *_other_axes(stands)]
     if places or not handles:
-        found = _limbs(rig, surface, standing, places, notes)
+        found = limbs_of(rig, surface, standing, places)
+        notes += found.notes
         proposed = limb_tables(found, standing, _checked(plan, found)) if limbs else []
         tables = [limb.model_dump(exclude_none=True) for limb in proposed]
         if tables and not places:
@@ -164,9 +159,7 @@ def new_puppet(
     size, reason = propose_scale(float(np.ptp(surface.vertices @ standing.basis[1])), plan)
     if scale is None:
         puppet = puppet.model_copy(update={"character": puppet.character.model_copy(update={"scale": size})})
-    reasons = [*stands.reasons, reason]
-    if skeleton:
-        reasons[:2] = (f"{name} is {axis}, by the file's skeleton" for name, axis in zip(AXES, skeleton, strict=True))
+    reasons = (*stands.reasons, reason)
     assumed = [reason for value, reason in zip(given.values(), reasons, strict=True) if value is None]
     if (bodies == STILL).any():
         assumed.append("what it stands on, or what stands beside it, stays still; to move everything: --body 0")
@@ -245,49 +238,57 @@ def _direction(vector: NDArray[np.float64]) -> Direction:
     return names[axis][int(vector[axis] < 0)]
 
 
-def axes_of(rig: RigBody | None) -> tuple[Direction, Direction] | None:
-    """Return up and front of the limbs of the file's skeleton; None if it has none."""
+def stands_of(
+    rig: RigBody | None, surface: SolverMesh, up: str | None = None, front: str | None = None, *, specified: bool
+) -> Orientation:
+    """Return up and front by the file's skeleton, or by the shape if there are no limbs in it.
+
+    Parameters
+    ----------
+    rig : RigBody or None
+    surface : SolverMesh
+    up, front, specified
+        See `solver.anatomy.orientation.propose`; the skeleton was read with the same axes.
+    """
     if rig is None or not rig.limbs.chains:
-        return None
-    body = rig.bodies[0][1]
-    return _direction(body.up), _direction(body.front)
+        return propose_standing(surface, up, front, specified=specified)
+    ways = [(_direction(body.up), _direction(body.front), chance) for chance, body in rig.bodies]
+    reasons = (f"{name} is {axis}, by the file's skeleton" for name, axis in zip(AXES, ways[0], strict=False))
+    return Orientation(*ways[0], tuple(reasons), tuple(ways[1:]))
 
 
-Axes = tuple[str, str, float]
-"""Up, front and their probability."""
+def _other_axes(stands: Orientation) -> Iterator[str]:
+    """Yield a note on another up or front, if it is likely, with the option that takes it."""
+    chosen = stands.up, stands.front
+    for *other, chance in stands.others[:1]:
+        changed = [(name, axis) for name, axis, own in zip(AXES, other, chosen, strict=True) if axis != own]
+        what = " and ".join(f"{name} is {axis}" for name, axis in changed)
+        fix = " ".join(f"--{name} {axis}" for name, axis in changed)
+        if chance >= MIN_OTHER_PROBABILITY:
+            yield f"With a probability of {chance:.0%}, {what}. If so: {fix}"
 
 
-def _others_of_skeleton(rig: RigBody) -> tuple[Axes, ...]:
-    """Return other ups and fronts of a file's skeleton, the likeliest first."""
-    return tuple((_direction(body.up), _direction(body.front), chance) for chance, body in rig.bodies[1:])
-
-
-def _other_axes(others: Sequence[Axes], chosen: tuple[str, str]) -> list[str]:
-    """Return a note on another up or front, if it is likely, with the option that takes it."""
-    if not others or others[0][2] < MIN_OTHER_PROBABILITY:
-        return []
-    other = others[0]
-    changed = [(name, axis) for name, axis, own in zip(AXES, other, chosen, strict=False) if axis != own]
-    what = " and ".join(f"{name} is {axis}" for name, axis in changed)
-    fix = " ".join(f"--{name} {axis}" for name, axis in changed)
-    return [f"With a probability of {other[2]:.0%}, {what}. If so: {fix}"]
-
-
-def _limbs(
+def limbs_of(
     rig: RigBody | None,
     surface: SolverMesh,
     standing: CharacterTable,
-    ends: Mapping[str, NDArray[np.float64]],
-    notes: list[str],
+    ends: Mapping[str, NDArray[np.float64]] = MappingProxyType({}),
 ) -> Limbs:
-    """Return the limbs of the file's skeleton if it has any, else those of the shape; add to the notes."""
-    if rig is not None:
-        notes += rig.limbs.notes
-        if limb_tables(rig.limbs, standing):
-            return rig.limbs
+    """Return the limbs of the file's skeleton if it has any, else those of the shape; with the notes on both.
+
+    Parameters
+    ----------
+    rig : RigBody or None
+    surface : SolverMesh
+    standing : CharacterTable
+        Up and front.
+    ends : mapping of str to (3,) float64
+        See `solver.anatomy.limb_finding.find_limbs`.
+    """
+    if rig is not None and limb_tables(rig.limbs, standing):
+        return rig.limbs
     shape = find_limbs(surface, standing.basis, ends)
-    notes += shape.notes
-    return shape
+    return Limbs(shape.chains, (*(rig.limbs.notes if rig is not None else ()), *shape.notes))
 
 
 def _checked(plan: BodyPlan | None, limbs: Limbs) -> BodyPlan | None:
@@ -296,6 +297,15 @@ def _checked(plan: BodyPlan | None, limbs: Limbs) -> BodyPlan | None:
         fix = "Choose another plan, or give the ends of the missing limbs with --limb."
         check_plan(plan, limbs.points, at("the command line", field=f"--plan {plan}"), fix)
     return plan
+
+
+def _places(ends: Mapping[str, str], surface: SolverMesh, where: str) -> dict[str, NDArray[np.float64]]:
+    """Return the ends (3,) that the user gives; refuse those that are not on the surface."""
+    places = {name: np.array(_numbers("--limb", name, text)) for name, text in ends.items()}
+    _check_ends(ends, where)
+    for name, point in places.items():
+        check_on_surface(point, surface, at(where, field=f"--limb {name}={ends[name]}"))
+    return places
 
 
 def _check_ends(ends: Mapping[str, str], where: str) -> None:

@@ -95,14 +95,16 @@ class ApiClient:
             return socket
         await socket.send_str(json.dumps({"hello": _greeting(session, self._studio.joined).model_dump(mode="json")}))
         unwatch = self._studio.watch(self._notice)
-        writer = asyncio.create_task(self._write())
+        sides = [asyncio.create_task(each) for each in (self._read(request), self._write())]
         try:
-            await self._read(request)
+            ended, _ = await asyncio.wait(sides, return_when=asyncio.FIRST_COMPLETED)
+            for side in ended:
+                side.result()  # an error ends the connection: the page would show an old state for ever
         finally:
             unwatch()
-            for task in (writer, *self._requests):
+            for task in (*sides, *self._requests):
                 task.cancel()
-            await asyncio.gather(writer, *self._requests, return_exceptions=True)
+            await asyncio.gather(*sides, *self._requests, return_exceptions=True)
         return socket
 
     async def _greet(self, request: web.Request, token: str | None) -> str | None:

@@ -3,7 +3,9 @@ import json
 
 import aiohttp
 import pytest
+from aiohttp import WSCloseCode
 
+from engine_bridge.studio.backend.studio import Studio
 from engine_bridge.studio.messages.connection import CloseCode, Greeting
 from engine_bridge.studio.messages.requests import REQUESTS
 from engine_bridge.studio.messages.state import State
@@ -20,9 +22,8 @@ def closed_with(studio, path, *frames):
         async with aiohttp.ClientSession() as http, http.ws_connect(studio.address + path) as socket:
             for frame in frames:
                 await (socket.send_bytes if isinstance(frame, bytes) else socket.send_str)(frame)
-            while not (message := await socket.receive()).type & aiohttp.WSMsgType.CLOSE:
-                pass
-            assert message.type in (aiohttp.WSMsgType.CLOSE, aiohttp.WSMsgType.CLOSED)
+            while not socket.closed:
+                await socket.receive()
             return socket.close_code
 
     return studio.run(send())
@@ -70,6 +71,12 @@ def test_the_greeting_is_followed_by_the_whole_state(studio):
     assert ".glb" in hello["suffixes"]["character"]
     assert State.model_validate(state).characters == []
     assert state["banner"]["text"] == "No character is open."
+
+
+def test_a_page_whose_state_cannot_be_sent_is_disconnected_instead_of_showing_an_old_one(studio, monkeypatch):
+    hello = json.dumps({"token": studio.session})
+    monkeypatch.setattr(Studio, "state", property(lambda _: {}["a stage that has just gone"]))
+    assert closed_with(studio, "/api", hello) == WSCloseCode.ABNORMAL_CLOSURE
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ def decode(content: bytes, attributes: Mapping[str, int]) -> tuple[NDArray[np.ui
     corners : (3 t,) uint32
     values : dict of str to (n, width)
         Quantised values as floats, others with a type that holds them. Skin weights, whose quantised values need not
-        sum to 1, do so again; joints without weight are 0.
+        sum to 1, do so again; joints without weight are 0, if they are compressed too.
 
     Raises
     ------
@@ -43,5 +43,6 @@ def decode(content: bytes, attributes: Mapping[str, int]) -> tuple[NDArray[np.ui
     for name in weights:
         joints = name.replace("WEIGHTS", "JOINTS")
         values[name] = values[name] / np.where(total > 0, total, 1)
-        values[joints] = np.where(values[name] > 0, values[joints], 0)
+        if joints in values:
+            values[joints] = np.where(values[name] > 0, values[joints], 0)
     return corners, values

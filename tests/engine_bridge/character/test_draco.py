@@ -5,6 +5,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from engine_bridge.character.document import Document
 from engine_bridge.character.document_reader import DRACO, load_document
+from engine_bridge.character.draco import decode
 from engine_bridge.character.schema import empty
 from puppetline.errors import MeshError
 from tests.fuzz.corpus import pack
@@ -66,6 +67,13 @@ def test_triangles_are_those_that_were_compressed(packed):
             assert_allclose(read, values, rtol=0, atol=STEP if name == "POSITION" else 1e-6)
     assert not document.gltf["extensionsRequired"]
     assert not document.gltf["extensionsUsed"]
+
+
+def test_weights_may_be_compressed_and_their_joints_not():
+    weights = {NUMBERS["WEIGHTS_0"]: np.float32(1.01) * VALUES["WEIGHTS_0"]}
+    content = DracoPy.encode(VALUES["POSITION"], CORNERS, preserve_order=True, generic_attributes=weights)
+    _, values = decode(content, {"WEIGHTS_0": NUMBERS["WEIGHTS_0"]})
+    assert_allclose(values["WEIGHTS_0"], VALUES["WEIGHTS_0"], rtol=0, atol=1e-6)
 
 
 @pytest.mark.parametrize("change", [{"cut": 40}, {"count": 91}, {"JOINTS_0": 9}])

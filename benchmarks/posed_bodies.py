@@ -87,7 +87,7 @@ def _shares(character: CharacterMesh, limbs: Sequence[Limb], nodes: dict[str, li
     for column in range(which.shape[1]):
         np.add.at(found, (np.arange(len(which)), own[:, column]), share[:, column])
     mesh = character.solver_mesh()
-    shown = found[np.unique(mesh.of_render, return_index=True)[1]]
+    shown = found[cKDTree(character.vertices).query(mesh.vertices)[1]]  # some solver vertices move no render vertex
     shown[shown.sum(axis=1) == 0, 0] = 1.0
     return np.asarray(shown / shown.sum(axis=1, keepdims=True))
 

@@ -38,9 +38,6 @@ ENDS = {"wrist": "hand", "ankle": "foot"}
 MIN_GOOD_SHARE = 0.25
 """Smallest share of frames in which a bone is a person's, if it is not in the others."""
 
-MAX_HEAD_COSINE = -0.5
-"""Cosine of the angle between trunk and head from which the latter hangs down, which no neck allows."""
-
 
 def bone_ratios(points: Floats) -> Floats:
     """Return how much longer the long bones are than a typical person's (9,), relative to their median.
@@ -106,36 +103,31 @@ def refuse_flat(path: Path, points: Floats, least: float = MIN_THICKNESS) -> Non
         )
 
 
+def other_proportions(points: Floats) -> str:
+    """Return which bones of points (T, 20, 3) have no person's length beside the others, for messages; "" if all do."""
+    ratios = bone_ratios(points)
+    wrong = ~_is_persons(ratios) & np.isfinite(ratios)
+    bones = (*BONES, ("shoulder_center", "hip_center"))
+    return ", ".join(
+        f"{parent} to {joint} {ratio:.2g} times a person's"
+        for (joint, parent), ratio, bad in zip(bones, ratios, wrong, strict=True)
+        if bad
+    )
+
+
 def refuse_other_bodies(path: Path, points: Floats) -> None:
-    """Check that the bones of points (T, 20, 3) have the proportions of a person, and that the head is on the neck.
+    """Check that the bones of points (T, 20, 3) have the proportions of a person.
 
     Raises
     ------
     SkeletonLogError
-        A long bone is too long or too short, or the head is below the shoulders.
+        A long bone is too long or too short, or none is known.
     """
-    ratios = bone_ratios(points)
-    wrong = ~_is_persons(ratios) & np.isfinite(ratios)
-    if wrong.any() or not np.isfinite(ratios).any() or _head_hangs_down(points):
-        bones = (*BONES, ("shoulder_center", "hip_center"))
-        listed = ", ".join(
-            f"{parent} to {joint} {ratio:.2g} times a person's"
-            for (joint, parent), ratio, bad in zip(bones, ratios, wrong, strict=True)
-            if bad
-        )
-        other = "the head is below the shoulders" if np.isfinite(ratios).any() else "none is known"
+    listed = other_proportions(points)
+    if listed or not np.isfinite(bone_ratios(points)).any():
         raise SkeletonLogError(
             path,
-            found=f"distances between joints that no person has ({listed or other})",
+            found=f"distances between joints that no person has ({listed or 'none is known'})",
             expected="the joints of a person, in the order of their names",
             fix="Check the names and the order of the joints; --joints and --columns set them.",
         )
-
-
-def _head_hangs_down(points: Floats) -> bool:
-    """Return whether the head of points (T, 20, 3) mostly points down the trunk from the neck."""
-    hips, neck, head = (points[:, JOINT_INDEX[joint]] for joint in ("hip_center", "shoulder_center", "head"))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        trunk, top = (way / np.linalg.norm(way, axis=1, keepdims=True) for way in (neck - hips, head - neck))
-    bend = np.einsum("ti,ti->t", trunk, top)
-    return bool(np.isfinite(bend).any() and np.nanmedian(bend) < MAX_HEAD_COSINE)

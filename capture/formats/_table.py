@@ -14,6 +14,7 @@ from typing import NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.formats import smpl
 from capture.formats._cells import PARTS, DecimalCommaError, UnevenError, number, split
 from capture.formats._columns import AXES, WORDS, Column, parse, with_numbers_as_axes, without_prefix
 from capture.formats._rows import Line
@@ -388,8 +389,16 @@ class Table:
 
     @property
     def has_joints(self) -> bool:
-        """Whether the columns are positions of joints."""
-        return bool(self._layouts)
+        """Whether the columns are positions of joints, or parameters of the SMPL body."""
+        return bool(self._layouts or self.parameters)
+
+    @property
+    def parameters(self) -> smpl.Parameters | None:
+        """The parameters of the SMPL body in columns without names other than numbers; None of other tables."""
+        is_numbered = all(not name or name[-1].isdecimal() for name in self._names[1:])
+        if self._layouts or not is_numbered or None in map(number, self.cells.rows[0]):
+            return None
+        return smpl.in_rows(np.stack([self._numbers(column) for column in range(self.width)], axis=1))
 
     def texts(self, layout: Layout, role: str) -> list[str]:
         """Return the cells of the column with a role; an empty list without it."""

@@ -88,10 +88,8 @@ def _of_arrays(path: Path, arrays: Arrays, options: ReadOptions) -> list[Skeleto
     notes: tuple[str, ...] = ()
     if options.fps is None and rate is not None and 1 <= rate <= 1000:
         options, notes = replace(options, fps=rate), (f"The file states {rate:g} frames per second.",)
-    if parameters := smpl.parameters(arrays):
-        names, points = smpl.positions(*parameters)
-        notes = (*notes, "Parameters of the SMPL body; the bones have the lengths of a typical person.")
-        return [clip_of_positions(path, "arrays", names, points, options, notes=notes)]
+    if parameters := smpl.parameters(arrays) or smpl.in_rows(arrays.get("", np.empty(0))):
+        return [smpl.clip_of(path, "arrays", parameters, options, notes)]
     for names, points in _named(arrays):
         return [clip_of_positions(path, "arrays", names, points, options, notes=notes)]
     if fits(joints := _of_features(arrays), ["smpl_22"]):

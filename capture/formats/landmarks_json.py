@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
+from capture.formats import smpl
 from capture.formats._documents import is_document, load
 from capture.formats._files import opened
 from capture.formats._table import EXPORT
@@ -32,7 +33,7 @@ from capture.formats.table import confidence_of, moments, seconds_of
 from puppetline.errors import SkeletonLogError
 
 _HINT = re.compile(
-    rb"elbow|joint|upper_?arm|humerus|keypoints|landmarks|\[\s*\[\s*-?[0-9]"
+    rb"elbow|joint|body_?pose|upper_?arm|humerus|keypoints|landmarks|\[\s*\[\s*-?[0-9]"
     rb"|[\"'](?:camera|world|pos|position)?_?x[\"']\s*:|[\"'][0-9]+[\"']\s*:\s*[\[(]\s*-?[0-9]",
     re.IGNORECASE,
 )
@@ -90,6 +91,9 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
         The document cannot be read, or has no positions in space of a person's landmarks.
     """
     document = load(path)
+    if bodies := list(smpl.in_document(document)):
+        own = [smpl.clip_of(path, "landmarks_json", body, options) for body in bodies[:MAX_PEOPLE]]
+        return [replace(clip, user=user) for user, clip in enumerate(own)]
     if clips := clips_of(path, "landmarks_json", document, options):
         return clips
     names = dict.fromkeys(name for name, _ in islice(_joints(document), MAX_JOINTS))

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
+from capture.formats import smpl
 from capture.formats._cells import number
 from capture.formats._columns import TABLE, without_prefix
 from capture.formats._rows import read_lines, whole_lines
@@ -79,6 +80,8 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
         A row has too few or too many cells, a coordinate is no number, the joints are no person's or in no known order.
     """
     table = Table(path, read_lines(path, errors="replace"), options)
+    if parameters := table.parameters:
+        return [smpl.clip_of(path, "table", parameters, options, table.notes)]
     found = [
         (user if len(table.layouts) == 1 else number, _performer(table, layout, rows))
         for number, layout in enumerate(table.layouts)
@@ -111,13 +114,14 @@ def columns(path: Path, options: ReadOptions) -> dict[str, str]:
     """
     table = Table(path, read_lines(path, errors="replace"), options)
     meanings: dict[int, str] = {}
-    for user, layout in enumerate(table.layouts):
+    for user, layout in enumerate(() if table.parameters else table.layouts):
         meanings |= {column: role for role, column in layout.fields.items()}
         whose = "" if len(table.layouts) == 1 else f"performer {user}: "
         for joint, own in layout.joints.items():
             for role, column in own.items():
                 meanings[column] = whose + (role if joint.startswith(UNNAMED) else f"{joint} {role}")
-    return {table.column_name(column): meanings.get(column, "not used") for column in range(table.width)}
+    other = "parameter of the SMPL body" if table.parameters else "not used"
+    return {table.column_name(column): meanings.get(column, other) for column in range(table.width)}
 
 
 def confidence_of(states: Floats) -> NDArray[np.float32]:

@@ -42,7 +42,7 @@ _TIMES = ("time", "timestamp", "timestamp_ms", "timestampMs", "t", "time_s", "ti
 _FRAMES = ("frame", "frame_id", "frame_index", "frameNumber", "index")
 _IDS = ("person_id", "track_id", "id", "body_id", "user")
 _POSITIONS = ("position", "positions", "pos", "location", "translation", "camera", "pose", "transform")
-_NAME = re.compile("name|tag|type|joint|part|keypoint|label|landmark", re.IGNORECASE)
+_NAME = re.compile("name|tag|type|joint|part|keypoint|label|landmark|bone|^id$", re.IGNORECASE)
 _IN_SPACE = re.compile("world|3d", re.IGNORECASE)
 _SIZES = {len(joints) for joints in JOINT_SETS.values()}
 MAX_NUMBER = 2.0**63
@@ -286,8 +286,9 @@ def _pose(value: Any) -> _Pose | None:
             return _Pose(tuple(own), list(own.values()))
     joints = list(islice(_joints(value), MAX_JOINTS + 1))
     names = tuple(name for name, _ in joints)
-    if MIN_NAMES <= len(set(names)) == len(names) <= MAX_JOINTS and not all(map(str.isdecimal, names)):
-        return _Pose(names, [point for _, point in joints]) if is_person(names) else None
+    if MIN_NAMES <= len(set(names)) == len(names) <= MAX_JOINTS:
+        is_known = all(map(str.isdecimal, names)) or is_person(names)
+        return _Pose(names, [point for _, point in joints]) if is_known else None
     if not isinstance(value, list) or len(value) < min(_SIZES):
         return None
     if all(_is_number(each) for each in value):
@@ -300,7 +301,8 @@ def _pose(value: Any) -> _Pose | None:
 def _joints(value: Any) -> Iterator[tuple[str, list[float]]]:
     """Yield the points with names in a value, at any depth."""
     if isinstance(value, dict):
-        name = next((each for key, each in value.items() if isinstance(each, str) and _NAME.search(key)), "")
+        own = [each for key, each in value.items() if _NAME.search(key) and not isinstance(each, bool)]
+        name = next((str(each) for kind in (str, int) for each in own if isinstance(each, kind)), "")
         if name and (point := _point(value)) is not None:
             yield name, point
     for each in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():

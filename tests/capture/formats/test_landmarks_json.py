@@ -1,6 +1,7 @@
 """JSON of trackers is read in the forms in which programs write it."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -267,3 +268,57 @@ def test_headsets_name_joints_after_the_whole_body(read):
     [clip] = read(landmarks_json, json.dumps(frames))
     ends = [*ARMS, *(JOINT_INDEX[f"ankle_{side}"] for side in ("left", "right"))]
     np.testing.assert_allclose(clip.positions[:, ends], person()[:, ends], atol=1e-9)
+
+
+META = {
+    "Hips": "hip_center",
+    "SpineLower": "spine",
+    "Neck": "shoulder_center",
+    "Head": "head",
+    "LeftArmUpper": "shoulder_left",
+    "LeftArmLower": "elbow_left",
+    "LeftHandWrist": "wrist_left",
+    "LeftHandMiddleProximal": "hand_left",
+    "LeftPalm": "hand_left",
+    "LeftUpperLeg": "hip_left",
+    "LeftLowerLeg": "knee_left",
+    "LeftFootAnkle": "ankle_left",
+    "LeftFootBall": "foot_left",
+}
+META |= {name.replace("Left", "Right"): joint.replace("left", "right") for name, joint in META.items()}
+
+
+def quest():
+    """Return the positions of Meta Quest's body by the names of its joints; those that are not used are elsewhere."""
+    poses, points = person(), {}
+    for index, name in enumerate(JOINT_SETS["quest_84"]):
+        *words, side = name.split("_") if name.endswith(("left", "right")) else (*name.split("_"), "")
+        own = "".join(word.title() for word in (side, *words)).replace("FootAnkleTwist", "AnkleTwist")
+        own = own.replace("Wrist", "HandWrist").replace("Middle", "HandMiddle").replace("SpineHand", "Spine")
+        points[own] = poses[:, JOINT_INDEX[META.get(own, "spine")]] + 0.001 * index * (own not in META)
+    assert points.keys() >= META.keys()
+    return points
+
+
+@pytest.mark.parametrize("count", [70, 84])
+@pytest.mark.parametrize("form", ["bones by identity", "bones by number", "names of OpenXR", "array"])
+def test_meta_quests_body_is_read_with_names_or_numbers(read, form, count):
+    points = dict(list(quest().items())[:count])
+    frames = []
+    for index in range(len(person())):
+        own = [(name, place[index].tolist()) for name, place in points.items()]
+        if form == "names of OpenXR":
+            upper = [(re.sub("(?<=[a-z])(?=[A-Z])", "_", name).upper(), place) for name, place in own]
+            frames.append({"joints": {f"XR_BODY_JOINT_{name}_FB": {"position": place} for name, place in upper}})
+        elif form == "array":
+            frames.append([place for _, place in own])
+        else:
+            ids = [f"Body_{name}" if form == "bones by identity" else k for k, (name, _) in enumerate(own)]
+            bones = [
+                {"id": each, "pos": dict(zip("xyz", p, strict=True))} for each, (_, p) in zip(ids, own, strict=True)
+            ]
+            frames.append({"time": index / 72, "bones": bones[::-1]})
+    [clip] = read(landmarks_json, json.dumps(frames))
+    seen = [JOINT_INDEX[joint] for name, joint in META.items() if name in points]
+    np.testing.assert_allclose(clip.positions[:, seen], person()[:, seen], atol=1e-9)
+    assert (clip.confidence[:, [k for k in range(20) if k not in seen]] < 1).all()

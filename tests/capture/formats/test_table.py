@@ -473,3 +473,10 @@ def test_the_first_joints_of_an_order_suffice(read):
     arms = [JOINT_INDEX[f"{joint}_{side}"] for joint in ("elbow", "wrist") for side in ("left", "right")]
     np.testing.assert_allclose(clip.positions[:, arms], person()[:, arms], atol=1e-9)
     assert np.isnan(clip.positions[:, JOINT_INDEX["knee_left"]]).all()
+
+
+def test_axes_may_follow_the_letter_of_a_position_beside_that_of_a_rotation(read):
+    header = ",".join(f"{joint}.{axis}" for joint in JOINTS for axis in ("px", "py", "pz", "rx", "ry", "rz", "rw"))
+    rows = np.concatenate([person(), np.full((*person().shape[:2], 4), 0.5)], axis=2).reshape(len(person()), -1)
+    [clip] = read(table, [header, *(",".join(map(str, row)) for row in rows)])
+    np.testing.assert_allclose(clip.positions, person(), atol=1e-9)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from capture.formats import smpl
 from capture.formats._cells import PARTS, DecimalCommaError, UnevenError, number, split
-from capture.formats._columns import AXES, WORDS, Column, parse, with_numbers_as_axes, without_prefix
+from capture.formats._columns import AXES, WORDS, Column, of_angles, parse, with_numbers_as_axes, without_prefix
 from capture.formats._rows import Line
 from capture.formats.joint_sets import MAX_MISFIT, Fit, as_of, clearest, fits, refuse_image
 from capture.formats.layouts import HOLISTIC, JOINT_SETS
@@ -376,6 +376,7 @@ class Table:
                 points = [self.positions({"x": x, "y": x + 1, "z": x + 2}) for x in starts]
                 refuse_image(self.path, np.stack(points, axis=1))
             found += as_of(sum(column.role == "z" for column in columns) or (self.width // 3 if not names else 0))
+            found += of_angles(named) if names else ""
             roles = {column.role for column in columns}
             missing = missing_joints([column.joint for column in columns if column.role == "z"])
             # a shoulder without an elbow may be a collar

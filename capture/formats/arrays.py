@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from capture.clip import SkeletonClip
 from capture.formats import landmarks_json, smpl
+from capture.formats._columns import of_angles
 from capture.formats._files import opened
 from capture.formats._mat5 import Mat5Error, Variable, variables
 from capture.formats.joint_sets import Fit, as_of, clearest, fits
@@ -286,7 +287,7 @@ def _refuse(path: Path, arrays: Arrays, options: ReadOptions) -> NoReturn:
         if len(shape) == 3 and shape[-1] == 3 and array.dtype.kind in "fiu" and array.size <= MAX_BYTES // 8:
             refuse_flat(path, np.squeeze(array).astype(np.float64))
     counts = [shape[-2] for shape in shapes if len(shape) > 2 and shape[-1] == 3]
-    found, fix = f"{describe(arrays)}{next(filter(None, map(as_of, counts)), '')}", ""
+    found, fix = f"{describe(arrays)}{next(filter(None, map(as_of, counts)), '') or of_angles(list(arrays))}", ""
     if any(shape[-1:] == (2,) and shape[-2:-1] and shape[-2] in _SIZES for shape in shapes):
         found, fix = f"{found}, positions in an image (2D)", "Use positions in space, or the video itself."
     elif any(shape[-1:] == (HUMANML3D_FEATURES,) for shape in shapes):

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
 from capture.formats import smpl
+from capture.formats._columns import of_angles
 from capture.formats._documents import is_document, load
 from capture.formats._files import opened
 from capture.formats._table import EXPORT
@@ -115,26 +116,30 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
 
 def described(document: Any) -> tuple[str, bool]:
     """Return what a document without a person has, for messages, and whether these are positions in an image."""
-    groups: Counter[tuple[int, int]] = Counter()
-    for value in islice(_containers(document), MAX_CONTAINERS):
-        if isinstance(value, dict) and any(re.search("2d", str(key), re.IGNORECASE) for key in value):
-            return " with positions in an image (2D)", True
-        each = list(value.values()) if isinstance(value, dict) else value
-        sizes = [2 if _is_flat(point) else 3 if _point(point) not in (None, _LOST) else 0 for point in each]
-        if all(map(_is_number, each)) and len(each) % 2 == 0 and len(each) // 2 in _SIZES:
-            sizes = [] if _point_sizes(len(each)) else [2] * (len(each) // 2)  # x and y in turn
-        groups.update([(len(sizes) - sizes.count(0), max(sizes))] if sizes.count(0) < MIN_NAMES < len(sizes) else [])
-    count, size = max(groups, default=(0, 0))
-    if size == 2:
+    containers = list(islice(_containers(document), MAX_CONTAINERS))
+    count, size = max(map(_points_in, containers), default=(0, 0))
+    if size == 2 or any("2d" in str(key).lower() for own in containers if isinstance(own, dict) for key in own):
         return " with positions in an image (2D)", True
     if size == 3 and as_of(count):
         return f" of {count} points{as_of(count)}", False
     points = f"with {count} points that are no person's" if size == 3 else "without positions in space"
-    amount, first = "", document
-    if isinstance(document, list):
-        amount, first = f", a list of {len(document):,}", document[0] if document else None
-    keys = f" with the keys {', '.join(map(str, list(first)[:8]))}" if isinstance(first, dict) and first else ""
-    return f"{amount}{keys}, {points}", False
+    is_list = isinstance(document, list)
+    first = document[0] if is_list and document else document
+    keys = list(map(str, first)) if isinstance(first, dict) else []
+    listed = f" with the keys {', '.join(keys[:8])}" if keys else ""
+    amount = f", a list of {len(document):,}" if is_list else ""
+    return f"{amount}{listed}, {points}{of_angles(keys) if keys else ''}", False
+
+
+def _points_in(value: Any) -> tuple[int, int]:
+    """Return how many points a list or dictionary has, and how many coordinates these have; 0 if it has others."""
+    each = list(value.values()) if isinstance(value, dict) else value
+    if all(map(_is_number, each)):  # x and y in turn
+        is_flat = len(each) % 2 == 0 and len(each) // 2 in _SIZES and not _point_sizes(len(each))
+        return (len(each) // 2, 2) if is_flat else (0, 0)
+    sizes = [2 if _is_flat(point) else 3 if _point(point) not in (None, _LOST) else 0 for point in each]
+    others = sizes.count(0)
+    return (len(sizes) - others, max(sizes)) if others < MIN_NAMES < len(sizes) else (0, 0)
 
 
 def _containers(value: Any) -> Iterator[Any]:

@@ -39,6 +39,10 @@ MIN_GOOD_SHARE = 0.25
 """Smallest share of frames in which a bone is a person's, if it is not in the others."""
 
 
+QUATERNION_TOLERANCE, QUATERNION_SHARE = 0.01, 0.9
+"""How far the length of quaternions is from 1, in at least this share."""
+
+
 def bone_ratios(points: Floats) -> Floats:
     """Return how much longer the long bones are than a typical person's (9,), relative to their median.
 
@@ -100,6 +104,25 @@ def refuse_flat(path: Path, points: Floats, least: float = MIN_THICKNESS) -> Non
             found="positions that lie in a plane: positions in an image (2D)",
             expected="x, y and z of a person's joints",
             fix="Use the tracker's positions in space, or the video itself.",
+        )
+
+
+def refuse_rotations(path: Path, values: Floats) -> None:
+    """Check that values (T, J, 4) are no unit quaternions, which have a length of 1 in nearly all frames.
+
+    Raises
+    ------
+    SkeletonLogError
+        They are.
+    """
+    lengths = np.linalg.norm(values, axis=2)
+    known = lengths[np.isfinite(lengths)]
+    if len(known) and np.mean(np.abs(known - 1) < QUATERNION_TOLERANCE) > QUATERNION_SHARE:
+        raise SkeletonLogError(
+            path,
+            found="four numbers of each joint that are a unit quaternion: rotations, which give no positions alone",
+            expected="x, y and z of a person's joints",
+            fix="Export the positions of the joints, or the motion as BVH.",
         )
 
 

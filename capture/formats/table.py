@@ -27,6 +27,7 @@ from capture.formats.clips import DEFAULT_FPS, MAX_JOINTS, frame_rate
 from capture.formats.joint_sets import UnclearOrderError, numbered
 from capture.formats.options import ReadOptions
 from capture.formats.positions import clip_of_positions
+from capture.formats.proportions import refuse_rotations
 from capture.skeleton import INFERRED, LOST, TRACKED
 from puppetline.errors import SkeletonLogError
 
@@ -35,6 +36,9 @@ Rows = NDArray[np.intp]
 
 UNITS_PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ticks": 1e7, "ns": 1e9}
 """Units of time in a second."""
+
+ROWS_OF_KIND = 100
+"""Number of rows by which four numbers of a joint are told to be rotations."""
 
 MAX_FRAME_STEP = 7
 """Largest common step between numbers of frames; times in milliseconds have larger ones."""
@@ -187,6 +191,10 @@ def _people(table: Table, layout: Layout) -> dict[int, Rows]:
 def _performer(table: Table, layout: Layout, rows: Rows) -> Performer:
     positions = np.stack([table.positions(own)[rows] for own in layout.joints.values()], axis=1)
     confidence = np.stack([_confidence(table, own)[rows] for own in layout.joints.values()], axis=1)
+    if all("state" in own for own in layout.joints.values()):
+        some = rows[:ROWS_OF_KIND]
+        states = [[number(table.cells.rows[row][own["state"]]) for own in layout.joints.values()] for row in some]
+        refuse_rotations(table.path, np.dstack([positions[: len(some)], np.array(states, dtype=np.float64)]))
     performer = Performer(list(layout.joints), positions, confidence, None)
     if performer.names[0].startswith(UNNAMED):
         if positions.shape[1] == 1:

@@ -176,3 +176,9 @@ def test_normalised_features_are_no_person(tmp_path):
     np.save(tmp_path / "features.npy", np.random.default_rng(0).normal(size=(40, 263)))
     with pytest.raises(SkeletonLogError, match="features of HumanML3D"):
         arrays.read(tmp_path / "features.npy", ReadOptions())
+
+
+def test_arrays_of_angles_are_called_so(read):
+    with pytest.raises(SkeletonLogError) as caught:
+        read(arrays, saved(np.savez, LKneeAngles=np.ones((9, 3)), RKneeAngles=np.ones((9, 3)), time=np.arange(9.0)))
+    assert ": angles, which give no positions without their skeleton" in caught.value.found

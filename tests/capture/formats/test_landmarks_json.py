@@ -234,6 +234,7 @@ PLANE, SPACE = [[float(k), k / 3] for k in range(21)], [[float(k), k / 3, k * k 
         ({"train": [{"points": list(range(34)), "label": 2}] * 3}, "positions in an image"),
         ([{"roll": 1.5, "accX": [1, 2, 3]}] * 9, ", a list of 9 with the keys roll, accX, without positions in space"),
         ({"poses": [{"base": [0, 0, 1], "joints": {"hip": 0.5}}]}, "keys poses, without positions in space"),
+        ([{"frame": 1, "knee_angle": 177, "elbow_angle": [1, 2, 3]}] * 9, "without positions in space: angles"),
     ],
 )
 def test_a_document_without_a_person_is_called_what_it_has(read, document, found):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -480,3 +481,12 @@ def test_axes_may_follow_the_letter_of_a_position_beside_that_of_a_rotation(read
     rows = np.concatenate([person(), np.full((*person().shape[:2], 4), 0.5)], axis=2).reshape(len(person()), -1)
     [clip] = read(table, [header, *(",".join(map(str, row)) for row in rows)])
     np.testing.assert_allclose(clip.positions, person(), atol=1e-9)
+
+
+def test_unit_quaternions_are_no_positions(tmp_path):
+    turns = scipy.spatial.transform.Rotation.random(9 * len(JOINTS), rng=0).as_quat().reshape(9, -1, 4)
+    path = tmp_path / "take.txt"
+    rows = ["\t".join(" ".join(map(str, each)) for each in frame) for frame in turns]
+    path.write_text("\n".join(["\t".join(JOINTS), *rows]))
+    with pytest.raises(SkeletonLogError, match="unit quaternion: rotations"):
+        table.read(path, ReadOptions())

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
 from capture.formats.placement import bone_length
-from capture.formats.proportions import BONES, other_proportions
+from capture.formats.proportions import BONES, other_proportions, uneven_sides
 from capture.skeleton import JOINT_INDEX, LOST
 from puppetline.errors import SkeletonLogError
 
@@ -80,6 +80,8 @@ def _notes(points: Floats, contorted: dict[str, NDArray[np.bool_]], share: float
         )
     if listed := other_proportions(points):
         notes.append(f"The proportions are not those of a person: {listed}.")
+    if listed := uneven_sides(points):
+        notes.append(f"The sides of the body differ: {listed} on one side. The tracking failed, or joints are swapped.")
     lean = _lean(points)
     if lean > MAX_LEAN:
         notes.append(

@@ -18,6 +18,9 @@ TYPICAL_TRUNK_METRES = TYPICAL_BONE_METRES["spine"] + TYPICAL_BONE_METRES["shoul
 MAX_BONE_RATIO = 2.0
 """How many times longer or shorter than a typical person's a bone can be, beside the other bones."""
 
+MAX_SIDES_RATIO = 1.7
+"""How many times longer than on the other side a bone can be; noisy trackers have up to 1.45."""
+
 MIN_THICKNESS, MIN_THICKNESS_WITHOUT_HIPS = 0.003, 0.08
 """Smallest size of a person in any direction, as a share of the largest one; standing in a T-pose, it is 0.02.
 
@@ -136,6 +139,22 @@ def other_proportions(points: Floats) -> str:
         for (joint, parent), ratio, bad in zip(bones, ratios, wrong, strict=True)
         if bad
     )
+
+
+def uneven_sides(points: Floats) -> str:
+    """Return which bones of points (T, 20, 3) are much longer on one side, for messages; "" if none is."""
+    found = []
+    for joint, parent in PARENTS.items():
+        if joint.endswith("_left") and not joint.startswith(tuple(ENDS.values())):
+            with warnings.catch_warnings(action="ignore"):  # joints that are always lost
+                left, right = (
+                    float(np.nanmedian(bone_length(points, joint.replace("left", side), parent.replace("left", side))))
+                    for side in ("left", "right")
+                )
+            ratio = max(left, right) / max(min(left, right), 1e-9)
+            if ratio > MAX_SIDES_RATIO:
+                found.append(f"{joint[:-5]} is {ratio:.2g} times as far from {parent.removesuffix('_left')}")
+    return ", ".join(found)
 
 
 def refuse_other_bodies(path: Path, points: Floats) -> None:

@@ -182,3 +182,18 @@ def test_arrays_of_angles_are_called_so(read):
     with pytest.raises(SkeletonLogError) as caught:
         read(arrays, saved(np.savez, LKneeAngles=np.ones((9, 3)), RKneeAngles=np.ones((9, 3)), time=np.arange(9.0)))
     assert ": angles, which give no positions without their skeleton" in caught.value.found
+
+
+@pytest.mark.parametrize(
+    "swapped", [("shoulder_left", "elbow_left"), ("knee_right", "ankle_right"), ("neck", "hip_left")]
+)
+def test_an_unknown_order_of_joints_is_refused(read, swapped):
+    order = list(JOINT_SETS["lsp"])
+    points = joints_as(order)
+    [clip] = read(arrays, saved(np.save, points))
+    own = [JOINT_INDEX[joint] for joint in order if joint in JOINT_INDEX]
+    np.testing.assert_allclose(clip.positions[:, own], person()[:, own], atol=1e-9)
+    one, other = map(order.index, swapped)
+    points[:, [one, other]] = points[:, [other, one]]
+    with pytest.raises(SkeletonLogError, match="name the order with --joints"):
+        read(arrays, saved(np.save, points))

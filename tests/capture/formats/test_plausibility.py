@@ -122,3 +122,14 @@ def test_files_are_checked_but_not_own_takes_whose_joints_are_no_guess(tmp_path)
         read_log(tmp_path / "take.csv")
     (clip,) = read_log(record(tmp_path / "take.log", list(clip_of(poses).frames())))
     np.testing.assert_array_equal(clip.positions, poses)
+
+
+def test_sides_that_differ_have_a_note():
+    poses = person(5)
+    knee, ankle, foot = (JOINT_INDEX[f"{joint}_left"] for joint in ("knee", "ankle", "foot"))
+    poses[:, [ankle, foot]] += 0.9 * (poses[:, [ankle]] - poses[:, [knee]])
+    (clip,) = checked(PATH, [clip_of(poses)])
+    assert clip.notes[1:] == (
+        "The sides of the body differ: ankle is 1.9 times as far from knee on one side. "
+        "The tracking failed, or joints are swapped.",
+    )

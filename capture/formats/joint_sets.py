@@ -16,7 +16,7 @@ from capture.formats.clips import refuse_nobody
 from capture.formats.layouts import HOLISTIC, JOINT_SETS
 from capture.formats.placement import bone_length
 from capture.formats.positions import is_person, select
-from capture.formats.proportions import MAX_BONE_RATIO, MAX_SIDES_RATIO, bone_ratios, refuse_flat
+from capture.formats.proportions import MAX_BONE_RATIO, bone_ratios, refuse_flat, uneven_sides
 from capture.skeleton import JOINT_INDEX, PARENTS
 from puppetline.errors import SkeletonLogError
 
@@ -85,7 +85,7 @@ def _misfit(points: Floats) -> float:
     lengths = lengths / np.nanmean(lengths, axis=0)  # the person of an image changes in size
     means = np.nanmean(lengths, axis=1)
     spread = np.nanmedian(np.nanstd(lengths, axis=1) / means)
-    uneven = np.abs(np.log(means[_LEFT] / means[_RIGHT]))
+    uneven = np.nanmean(np.abs(np.log(means[_LEFT] / means[_RIGHT])))
     trunk = np.nanmedian(bone_length(points, "shoulder_center", "hip_center"))
     off = [
         np.nanmedian(np.linalg.norm(_at(points, centre) - (_at(points, left) + _at(points, right)) / 2, axis=1))
@@ -95,10 +95,10 @@ def _misfit(points: Floats) -> float:
         )
     ]
     away = np.nanmax([*off, 0.0]) / trunk
-    is_even = np.nanmax([*uneven, 0.0]) < np.log(MAX_SIDES_RATIO)
+    is_even = not uneven_sides(points)
     if not (np.nanmax(deviations) < np.log(MAX_BONE_RATIO) and is_even and away < MAX_CENTRE_SHARE):
         return np.inf
-    return float(np.nanmean(deviations) + spread + np.nan_to_num(np.nanmean(uneven)) + away)
+    return float(np.nanmean(deviations) + spread + np.nan_to_num(uneven) + away)
 
 
 def _at(points: Floats, joint: str) -> Floats:

@@ -142,18 +142,16 @@ def other_proportions(points: Floats) -> str:
 
 
 def uneven_sides(points: Floats) -> str:
-    """Return which bones of points (T, 20, 3) are much longer on one side, for messages; "" if none is."""
+    """Return which long bones of points (T, 20, 3) are much longer on one side, for messages; "" if none is."""
+    ratios = dict(zip((joint for joint, _ in BONES), bone_ratios(points), strict=False))
     found = []
-    for joint, parent in PARENTS.items():
-        if joint.endswith("_left") and not joint.startswith(tuple(ENDS.values())):
-            with warnings.catch_warnings(action="ignore"):  # joints that are always lost
-                left, right = (
-                    float(np.nanmedian(bone_length(points, joint.replace("left", side), parent.replace("left", side))))
-                    for side in ("left", "right")
-                )
-            ratio = max(left, right) / max(min(left, right), 1e-9)
-            if ratio > MAX_SIDES_RATIO:
-                found.append(f"{joint[:-5]} is {ratio:.2g} times as far from {parent.removesuffix('_left')}")
+    for joint, parent in BONES:
+        with np.errstate(all="ignore"):
+            ratio = ratios[joint] / ratios[joint.replace("left", "right")]
+            is_uneven = abs(np.log(ratio)) > np.log(MAX_SIDES_RATIO)
+        if is_uneven:
+            name, bone = joint.removesuffix("_left"), parent.removesuffix("_left")
+            found.append(f"{name} is {max(ratio, 1 / ratio):.2g} times as far from {bone}")
     return ", ".join(found)
 
 

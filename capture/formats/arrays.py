@@ -230,9 +230,7 @@ def _of_features(arrays: Arrays) -> NDArray[np.float64]:
 def _people(path: Path, arrays: Arrays, options: ReadOptions) -> tuple[str, list[NDArray[np.float64]]]:
     """Return the joint set of the array that is a person's joints, and the people (T, J, 3 or 4) in it."""
     found: list[tuple[Fit, list[NDArray[np.float64]]]] = []
-    for array in arrays.values():
-        if array.dtype.kind not in "fiu" or array.size > MAX_BYTES // 8:
-            continue
+    for array in _of_points(arrays):
         for people in _orders(array):
             sets = [
                 name
@@ -247,6 +245,21 @@ def _people(path: Path, arrays: Arrays, options: ReadOptions) -> tuple[str, list
     return next((fit.name, people) for fit, people in found if fit is best)
 
 
+def _of_points(arrays: Arrays) -> Iterator[NDArray[np.generic]]:
+    """Yield arrays that may be positions: those of a file, origins of its matrices, and x, y and z that are apart."""
+    for place, array in arrays.items():
+        if array.dtype.kind not in "fiu" or array.size > MAX_BYTES // 8:
+            continue
+        if array.ndim > 3 and array.shape[-2:] == (4, 4):
+            is_by_rows = not array.reshape(-1, 4, 4)[:1, 3, :3].any()
+            array = array[..., :3, 3] if is_by_rows else array[..., 3, :3]
+        yield array
+        axes = [arrays.get(place[:-1] + chr(ord(place[-1]) + k)) for k in range(3)] if place[-1:] in ("x", "X") else []
+        own = [each for each in axes if each is not None and each.shape == array.shape]
+        if len(own) == 3 and array.ndim == 2:
+            yield np.stack(own, axis=2)
+
+
 def _orders(array: NDArray[np.generic], sizes: Collection[int] = _SIZES) -> list[list[NDArray[np.float64]]]:
     """Return the ways to read an array as people (T, J, 3 or 4)."""
     array = np.squeeze(array)
@@ -259,7 +272,9 @@ def _orders(array: NDArray[np.generic], sizes: Collection[int] = _SIZES) -> list
         for rows in (array, array.T):
             for size, width in itertools.product(sorted(sizes), (3, 4)):
                 if rows.shape[1] == size * width:
-                    found.append([rows.reshape(len(rows), size, width).astype(np.float64)])
+                    whole = rows.astype(np.float64)
+                    found.append([whole.reshape(len(rows), size, width)])
+                    found.append([whole.reshape(len(rows), width, size).transpose(0, 2, 1)])
         return found
     if array.ndim not in (3, 4):
         return []

@@ -20,11 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
-from capture.formats import smpl
-from capture.formats._columns import of_angles
+from capture.formats import smpl, table
+from capture.formats._cells import vector
+from capture.formats._columns import of_angles, parse
 from capture.formats._documents import is_document, load
 from capture.formats._files import opened
-from capture.formats._table import EXPORT
+from capture.formats._rows import Line
+from capture.formats._table import EXPORT, Table
 from capture.formats.clips import DEFAULT_FPS, MAX_JOINTS, frame_rate
 from capture.formats.joint_sets import as_of, fits, joint_set, numbered
 from capture.formats.layouts import JOINT_SETS
@@ -42,7 +44,19 @@ _CONFIDENCES = ("visibility", "confidence", "score", "presence", "c", "v", "like
 _TIMES = ("time", "timestamp", "timestamp_ms", "timestampMs", "t", "time_s", "time_ms", "frame_time", "timestamp_usec")
 _FRAMES = ("frame", "frame_id", "frame_index", "frameNumber", "index")
 _IDS = ("person_id", "track_id", "id", "body_id", "user")
-_POSITIONS = ("position", "positions", "pos", "location", "translation", "camera", "pose", "transform")
+_POSITIONS = (
+    "position",
+    "positions",
+    "pos",
+    "location",
+    "translation",
+    "camera",
+    "pose",
+    "transform",
+    "modeltransform",
+    "matrix",
+    "columns",
+)
 _NAME = re.compile("name|tag|type|joint|part|keypoint|label|landmark|bone|^id$", re.IGNORECASE)
 _IN_SPACE = re.compile("world|3d", re.IGNORECASE)
 _SIZES = {len(joints) for joints in JOINT_SETS.values()}
@@ -95,6 +109,8 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
     if bodies := list(smpl.in_document(document)):
         own = [smpl.clip_of(path, "landmarks_json", body, options) for body in bodies[:MAX_PEOPLE]]
         return [replace(clip, user=user) for user, clip in enumerate(own)]
+    if lines := _as_table(document):
+        return table.clips_of(Table(path, lines, options), "landmarks_json")
     if clips := clips_of(path, "landmarks_json", document, options):
         return clips
     names = dict.fromkeys(name for name, _ in islice(_joints(document), MAX_JOINTS))
@@ -112,6 +128,34 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
         if is_flat
         else EXPORT,
     )
+
+
+def _as_table(document: Any) -> list[Line]:
+    """Return the lines of the table of joints that a document is, in records or in columns; none of others."""
+    for part in (document, *(document.values() if isinstance(document, dict) else ())):
+        rows: list[Any] = []
+        names: dict[str, Any] = {}
+        if isinstance(part, dict):
+            names = dict(_columns(part))
+            rows = list(zip(*names.values(), strict=False))
+        elif isinstance(part, list) and part and isinstance(part[0], dict):
+            names = {name: each for name, each in part[0].items() if not isinstance(each, (dict, list))}
+            rows = [[record.get(name) for name in names] for record in part if isinstance(record, dict)]
+        if is_person([column.joint for column in parse([[name] for name in names]) if column.role == "z"]):
+            return [(at, "\t".join(map(str, row)) + "\n") for at, row in enumerate([names, *rows], start=1)]
+    return []
+
+
+def _columns(value: dict[str, Any], name: str = "") -> Iterator[tuple[str, list[Any]]]:
+    """Yield the lists of numbers in dictionaries by their joined keys; such a list may be numbered values."""
+    for key, each in value.items():
+        own = f"{name}_{key}" if name else key
+        if isinstance(each, dict) and not all(map(str.isdecimal, each)):
+            yield from _columns(each, own)
+        elif isinstance(each, (dict, list)) and each:
+            values = list(each.values()) if isinstance(each, dict) else each
+            if all(part is None or _is_number(part) for part in values):
+                yield own, values
 
 
 def described(document: Any) -> tuple[str, bool]:
@@ -250,7 +294,8 @@ def _frames(document: Any) -> list[Any]:
 def _frames_of_paths(document: dict[str, Any]) -> list[Any]:
     """Return the frames of a document that has a list of points over time for each name, perhaps beside times."""
     for value in document.values():
-        paths = {name: path for name, each in value.items() if (path := _path(each))} if isinstance(value, dict) else {}
+        own = dict(_named_objects(value)) if isinstance(value, list) else value
+        paths = {name: path for name, each in own.items() if (path := _path(each))} if isinstance(own, dict) else {}
         if len(paths) > 5 and len(set(map(len, paths.values()))) == 1 and is_person(list(paths)):
             frames = [dict(zip(paths, points, strict=True)) for points in zip(*paths.values(), strict=True)]
             for key in _TIMES:
@@ -258,6 +303,19 @@ def _frames_of_paths(document: dict[str, Any]) -> list[Any]:
                     return [{key: time, "joints": frame} for time, frame in zip(times, frames, strict=True)]
             return frames
     return []
+
+
+def _named_objects(value: list[Any]) -> Iterator[tuple[str, Any]]:
+    """Yield the objects of a list by their names."""
+    for each in value:
+        if isinstance(each, dict) and (name := _name(each)):
+            yield name, each
+
+
+def _name(value: dict[str, Any]) -> str:
+    """Return the name or number that an object has; "" without one."""
+    own = [each for key, each in value.items() if _NAME.search(key) and not isinstance(each, bool)]
+    return next((str(each) for kind in (str, int) for each in own if isinstance(each, kind)), "")
 
 
 def _path(value: Any) -> list[Any]:
@@ -306,8 +364,7 @@ def _pose(value: Any) -> _Pose | None:
 def _joints(value: Any) -> Iterator[tuple[str, list[float]]]:
     """Yield the points with names in a value, at any depth."""
     if isinstance(value, dict):
-        own = [each for key, each in value.items() if _NAME.search(key) and not isinstance(each, bool)]
-        name = next((str(each) for kind in (str, int) for each in own if isinstance(each, kind)), "")
+        name = _name(value)
         if name and (point := _point(value)) is not None:
             yield name, point
     for each in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
@@ -315,9 +372,13 @@ def _joints(value: Any) -> Iterator[tuple[str, list[float]]]:
 
 
 def _point(value: Any) -> list[float] | None:
-    """Return x, y, z and perhaps the confidence of a point in space; NaN if it is lost."""
+    """Return x, y, z and perhaps the confidence of a point in space, or of a matrix's origin; NaN if it is lost."""
     if value is None:
         return _LOST
+    if isinstance(value, str):
+        return vector(value)
+    if isinstance(value, list) and len(value) in (4, 16) and (origin := _origin(value)):
+        return origin
     if isinstance(value, list) and 3 <= len(value) <= 5 and all(each is None or _is_number(each) for each in value):
         return [math.nan if each is None else float(each) for each in value]
     if isinstance(value, dict):
@@ -329,6 +390,17 @@ def _point(value: Any) -> list[float] | None:
         inner = next((own[key] for key in _POSITIONS if key in own), None)
         point = _point(inner) if inner is not None else None
         return [*point[:3], *sure] if point else None
+    return None
+
+
+def _origin(value: list[Any]) -> list[float] | None:
+    """Return the origin of the axes that a matrix (4, 4) gives, by rows or columns; None for other lists."""
+    rows = value if len(value) == 4 else [value[k : k + 4] for k in range(0, 16, 4)]
+    if not all(isinstance(row, list) and len(row) == 4 and all(map(_is_number, row)) for row in rows):
+        return None
+    for matrix in (rows, [list(column) for column in zip(*rows, strict=True)]):
+        if matrix[3] == [0, 0, 0, 1]:
+            return [float(row[3]) for row in matrix[:3]]
     return None
 
 

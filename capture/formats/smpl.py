@@ -90,7 +90,8 @@ def parameters(arrays: Mapping[str, Any]) -> Parameters | None:
     Parameters
     ----------
     arrays : mapping of str to array, or to lists of numbers
-        Poses (T, 3 J) or (T, J, 3), in one array or with the root's apart. Those of one frame may lack the first axis.
+        Poses (T, 3 J), (T, J, 3) or as matrices (T, J, 3, 3), in one array or with the root's apart. Those of one frame
+        may lack the first axis, if they are no matrices.
     """
     for names in _POSES:
         own = [_rows(arrays[name]) for name in names if name in arrays]
@@ -109,10 +110,13 @@ def parameters(arrays: Mapping[str, Any]) -> Parameters | None:
 
 
 def _rows(values: Any) -> Floats | None:
-    """Return the rows of numbers with a fraction that values are; None of others."""
+    """Return the rows of numbers with a fraction that values are, matrices as rotation vectors; None of others."""
     try:
         rows = np.asarray(values)
-    except ValueError:  # lists of several lengths
+        if rows.dtype.kind == "f" and rows.ndim == 4 and rows.shape[2:] == (3, 3):
+            turns = Rotation.from_matrix(rows.reshape(-1, 3, 3))
+            rows = turns.as_rotvec().reshape(*rows.shape[:2], 3)
+    except ValueError:  # lists of several lengths, or no rotations
         return None
     if rows.dtype.kind != "f" or not rows.size or not 0 < rows.ndim < 4:
         return None

@@ -83,9 +83,13 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
     SkeletonLogError
         A row has too few or too many cells, a coordinate is no number, the joints are no person's or in no known order.
     """
-    table = Table(path, read_lines(path, errors="replace"), options)
+    return clips_of(Table(path, read_lines(path, errors="replace"), options), "table")
+
+
+def clips_of(table: Table, log_format: str) -> list[SkeletonClip]:
+    """Return one clip per performer in a table; the errors are those of `read`."""
     if parameters := table.parameters:
-        return [smpl.clip_of(path, "table", parameters, options, table.notes)]
+        return [smpl.clip_of(table.path, log_format, parameters, table.options, table.notes)]
     found = [
         (user if len(table.layouts) == 1 else number, _performer(table, layout, rows))
         for number, layout in enumerate(table.layouts)
@@ -95,11 +99,11 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
     clips = []
     for user, performer in present or found[:1]:
         clip = clip_of_positions(
-            path,
-            "table",
+            table.path,
+            log_format,
             performer.names,
             performer.positions,
-            options,
+            table.options,
             times=performer.times,
             confidence=performer.confidence,
             notes=(*table.notes, *performer.notes),

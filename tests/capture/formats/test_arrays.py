@@ -197,3 +197,25 @@ def test_an_unknown_order_of_joints_is_refused(read, swapped):
     points[:, [one, other]] = points[:, [other, one]]
     with pytest.raises(SkeletonLogError, match="name the order with --joints"):
         read(arrays, saved(np.save, points))
+
+
+def matrices(*, by_columns):
+    """Return matrices (T, 20, 4, 4) whose origins are a person's joints."""
+    axes = np.tile(np.eye(4), (*person().shape[:2], 1, 1))
+    axes[..., :3, 3] = person()
+    return axes.swapaxes(2, 3) if by_columns else axes
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        saved(np.save, matrices(by_columns=False)),
+        saved(np.save, matrices(by_columns=True)),
+        saved(np.savez, **{f"joints_{axis}": person()[..., k] for k, axis in enumerate("xyz")}),
+        saved(savemat, {axis: person()[..., k] for k, axis in enumerate("XYZ")}),
+        saved(np.save, person().transpose(0, 2, 1).reshape(len(person()), -1)),
+    ],
+)
+def test_positions_may_be_origins_of_matrices_or_have_their_axes_apart(read, content):
+    [clip] = read(arrays, content)
+    np.testing.assert_allclose(clip.positions, person(), atol=1e-9)

@@ -323,3 +323,64 @@ def test_meta_quests_body_is_read_with_names_or_numbers(read, form, count):
     seen = [JOINT_INDEX[joint] for name, joint in META.items() if name in points]
     np.testing.assert_allclose(clip.positions[:, seen], person()[:, seen], atol=1e-9)
     assert (clip.confidence[:, [k for k in range(20) if k not in seen]] < 1).all()
+
+
+def matrix(point, *, by_columns):
+    axes = np.eye(4)
+    axes[:3, 3] = point
+    return (axes.T if by_columns else axes).tolist()
+
+
+COLUMNS = {
+    f"{joint}_{axis}": person()[:, k, a].tolist() for k, joint in enumerate(JOINTS) for a, axis in enumerate("xyz")
+}
+FRAMES = range(len(person()))
+
+
+@pytest.mark.parametrize(
+    "document",
+    [
+        [{"time": t / 30, **{name: values[t] for name, values in COLUMNS.items()}} for t in FRAMES],
+        {"data": [{"frame": t, **{name: values[t] for name, values in COLUMNS.items()}} for t in FRAMES]},
+        COLUMNS,
+        {name: {str(t): values[t] for t in FRAMES} for name, values in COLUMNS.items()},
+        {joint: {axis: COLUMNS[f"{joint}_{axis}"] for axis in "xyz"} for joint in JOINTS},
+        {"tracks": [{"name": joint, "positions": person()[:, k].tolist()} for k, joint in enumerate(JOINTS)]},
+        [
+            {joint: "({}, {}, {})".format(*point) for joint, point in zip(JOINTS, pose, strict=True)}
+            for pose in person()
+        ],
+        *(
+            [
+                {
+                    "joints": [
+                        {"name": joint, "transform": matrix(point, by_columns=by_columns)}
+                        for joint, point in zip(JOINTS, pose, strict=True)
+                    ]
+                }
+                for pose in person()
+            ]
+            for by_columns in (False, True)
+        ),
+        [
+            {
+                joint: {"modelTransform": {"columns": matrix(point, by_columns=True)}}
+                for joint, point in zip(JOINTS, pose, strict=True)
+            }
+            for pose in person()
+        ],
+        [
+            {
+                joint: [value for row in matrix(point, by_columns=True) for value in row]
+                for joint, point in zip(JOINTS, pose, strict=True)
+            }
+            for pose in person()
+        ],
+    ],
+)
+def test_a_document_may_be_a_table_or_have_points_as_texts_and_matrices(read, document):
+    content = json.dumps(document).encode()
+    assert landmarks_json.matches(content)
+    [clip] = read(landmarks_json, content)
+    np.testing.assert_allclose(clip.positions, person(), atol=1e-9)
+    np.testing.assert_allclose(clip.times - clip.times[0], np.arange(len(person())) / 30, atol=1e-9)

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from capture.formats import arrays, landmarks_json, smpl, table
 
@@ -26,6 +27,7 @@ def walk():
 POSES, WAY = walk()
 FLAT = POSES.reshape(COUNT, -1)
 STILL = np.zeros_like(WAY)
+TURNS = Rotation.from_rotvec(POSES.reshape(-1, 3)).as_matrix().reshape(COUNT, 24, 3, 3)
 
 
 def lines(rows, header=""):
@@ -59,6 +61,12 @@ POSE_NAMES = [f"pose_{index}" for index in range(72)]
             landmarks_json,
             [{"global_orient": a[:3], "body_pose": a[3:], "transl": b} for a, b in zip(FLAT, WAY, strict=True)],
             WAY,
+        ),
+        (arrays, saved(np.savez, global_orient=TURNS[:, :1], body_pose=TURNS[:, 1:], transl=WAY), WAY),
+        (
+            landmarks_json,
+            {"results": [{"smpl": {"global_orient": a[:1], "body_pose": a[1:]}, "camera": [1, 2]} for a in TURNS]},
+            STILL,
         ),
         (landmarks_json, [{"frame": k, "smpl": {"pose": a[None]}} for k, a in enumerate(FLAT)], STILL),
     ],

@@ -18,6 +18,7 @@ from capture.formats import smpl
 from capture.formats._cells import PARTS, DecimalCommaError, UnevenError, number, split
 from capture.formats._columns import AXES, WORDS, Column, of_angles, parse, with_numbers_as_axes, without_prefix
 from capture.formats._rows import Line
+from capture.formats.clips import with_stated_rate
 from capture.formats.joint_sets import MAX_MISFIT, Fit, as_of, clearest, fits, refuse_image
 from capture.formats.layouts import HOLISTIC, JOINT_SETS
 from capture.formats.options import ReadOptions
@@ -28,6 +29,10 @@ Floats = NDArray[np.float64]
 
 UNNAMED = "\0"
 """Beginning of the names of joints whose columns do not name them."""
+
+MAX_LINES_ABOVE = 12
+_VALUE = re.compile(r"\b([A-Za-z]+(?: [A-Za-z]+)?)[\s:=,;]+([0-9]+(?:\.[0-9]+)?)\b")
+"""The name and number of a value in the lines above a table."""
 
 MAX_EXTRA_COLUMNS = 3
 """Number of columns without a header that are no positions."""
@@ -89,6 +94,8 @@ class Table:
     """
 
     def __init__(self, path: Path, lines: Sequence[Line], options: ReadOptions) -> None:
+        above = [pair for _, text in lines[:MAX_LINES_ABOVE] for pair in _VALUE.findall(text)]
+        options, stated = with_stated_rate(options, ((name, float(value)) for name, value in above))
         self.path, self.options = path, options
         is_trc = bool(lines) and lines[0][1].startswith("PathFileType")
         header = next((k for k, (_, text) in enumerate(lines) if is_trc and text.lower().startswith("frame#")), 0)
@@ -111,9 +118,9 @@ class Table:
         self.width = len(cells.names)
         self._names = [" ".join(names) for names in cells.names]
         self._known: dict[int, Floats] = {}
-        self.notes: tuple[str, ...] = ()
+        self.notes: tuple[str, ...] = stated
         if cells.cut_off is not None:
-            self.notes = (f"The file ends in the middle of line {cells.cut_off}. This frame is omitted.",)
+            self.notes = (*self.notes, f"The file ends in the middle of line {cells.cut_off}. This frame is omitted.")
         if cells.left_out:
             self.notes = (*self.notes, f"{cells.left_out} lines have another form than the others. They are omitted.")
         if options.columns:

@@ -20,6 +20,7 @@ from capture.formats import landmarks_json, smpl
 from capture.formats._columns import of_angles
 from capture.formats._files import opened
 from capture.formats._mat5 import Mat5Error, Variable, variables
+from capture.formats.clips import with_stated_rate
 from capture.formats.joint_sets import Fit, as_of, clearest, fits
 from capture.formats.layouts import JOINT_SETS
 from capture.formats.options import ReadOptions
@@ -44,7 +45,6 @@ HUMANML3D_FEATURES, HUMANML3D_FPS = 263, 20.0
 
 NPY_MAGIC = b"\x93NUMPY"
 
-_RATES = ("freq", "mocap_framerate", "mocap_frame_rate", "framerate", "frame_rate", "fps")
 _SIZES = {len(joints) for joints in JOINT_SETS.values()}
 
 
@@ -84,11 +84,9 @@ def _of_structures(path: Path, options: ReadOptions) -> list[SkeletonClip]:
 
 def _of_arrays(path: Path, arrays: Arrays, options: ReadOptions) -> list[SkeletonClip]:
     single = {place: array for place, array in arrays.items() if array.size == 1 and array.dtype.kind in "fiu"}
-    rates = {place.rsplit(".", 1)[-1]: float(array.item()) for place, array in single.items()}
-    rate = next((rates[name] for name in _RATES if name in rates), None)
-    notes: tuple[str, ...] = ()
-    if options.fps is None and rate is not None and 1 <= rate <= 1000:
-        options, notes = replace(options, fps=rate), (f"The file states {rate:g} frames per second.",)
+    values = [(place.rsplit(".", 1)[-1], float(array.item())) for place, array in single.items()]
+    options, notes = with_stated_rate(options, values)
+    arrays = {**arrays, **_joined(arrays)}
     if parameters := smpl.parameters(arrays) or smpl.in_rows(arrays.get("", np.empty(0))):
         return [smpl.clip_of(path, "arrays", parameters, options, notes)]
     for names, points in _named(arrays):
@@ -245,19 +243,27 @@ def _people(path: Path, arrays: Arrays, options: ReadOptions) -> tuple[str, list
     return next((fit.name, people) for fit, people in found if fit is best)
 
 
-def _of_points(arrays: Arrays) -> Iterator[NDArray[np.generic]]:
-    """Yield arrays that may be positions: those of a file, origins of its matrices, and x, y and z that are apart."""
+def _joined(arrays: Arrays) -> Arrays:
+    """Return arrays (…, 3) of which a file has x, y and z apart, under names that end so."""
+    joined = {}
     for place, array in arrays.items():
+        axes = [arrays.get(place[:-1] + chr(ord(place[-1]) + k)) for k in range(3)] if place[-1:] in ("x", "X") else []
+        own = [np.squeeze(each) for each in axes if each is not None and each.shape == array.shape]
+        if len(own) == 3 and own[0].ndim in (1, 2):
+            joined[place[:-1].rstrip("._ ")] = np.stack(own, axis=-1)
+    return joined
+
+
+def _of_points(arrays: Arrays) -> Iterator[NDArray[np.generic]]:
+    """Yield arrays that may be positions: those of a file, and the origins of its matrices."""
+    for array in arrays.values():
         if array.dtype.kind not in "fiu" or array.size > MAX_BYTES // 8:
             continue
         if array.ndim > 3 and array.shape[-2:] == (4, 4):
             is_by_rows = not array.reshape(-1, 4, 4)[:1, 3, :3].any()
-            array = array[..., :3, 3] if is_by_rows else array[..., 3, :3]
-        yield array
-        axes = [arrays.get(place[:-1] + chr(ord(place[-1]) + k)) for k in range(3)] if place[-1:] in ("x", "X") else []
-        own = [each for each in axes if each is not None and each.shape == array.shape]
-        if len(own) == 3 and array.ndim == 2:
-            yield np.stack(own, axis=2)
+            yield array[..., :3, 3] if is_by_rows else array[..., 3, :3]
+        else:
+            yield array
 
 
 def _orders(array: NDArray[np.generic], sizes: Collection[int] = _SIZES) -> list[list[NDArray[np.float64]]]:

@@ -27,7 +27,7 @@ from capture.formats._documents import is_document, load
 from capture.formats._files import opened
 from capture.formats._rows import Line
 from capture.formats._table import EXPORT, Table
-from capture.formats.clips import DEFAULT_FPS, MAX_JOINTS, frame_rate
+from capture.formats.clips import DEFAULT_FPS, MAX_JOINTS, frame_rate, with_stated_rate
 from capture.formats.joint_sets import as_of, fits, joint_set, numbered
 from capture.formats.layouts import JOINT_SETS
 from capture.formats.options import ReadOptions
@@ -58,6 +58,7 @@ _POSITIONS = (
     "columns",
 )
 _NAME = re.compile("name|tag|type|joint|part|keypoint|label|landmark|bone|^id$", re.IGNORECASE)
+_NO_POSE = re.compile("2d|hand|face|orient|rotat|quat", re.IGNORECASE)
 _IN_SPACE = re.compile("world|3d", re.IGNORECASE)
 _SIZES = {len(joints) for joints in JOINT_SETS.values()}
 MAX_NUMBER = 2.0**63
@@ -106,6 +107,19 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
         The document cannot be read, or has no positions in space of a person's landmarks.
     """
     document = load(path)
+    options, notes = with_stated_rate(options, _values(document))
+    return [replace(clip, notes=(*notes, *clip.notes)) for clip in _read(path, document, options)]
+
+
+def _values(document: Any, depth: int = 2) -> Iterator[tuple[str, float]]:
+    """Yield the numbers that a document has by their keys."""
+    for key, value in document.items() if isinstance(document, dict) and depth else ():
+        if _is_number(value):
+            yield key, float(value)
+        yield from _values(value, depth - 1)
+
+
+def _read(path: Path, document: Any, options: ReadOptions) -> list[SkeletonClip]:
     if bodies := list(smpl.in_document(document)):
         own = [smpl.clip_of(path, "landmarks_json", body, options) for body in bodies[:MAX_PEOPLE]]
         return [replace(clip, user=user) for user, clip in enumerate(own)]
@@ -335,7 +349,7 @@ def _poses(value: Any, depth: int = MAX_DEPTH) -> list[tuple[dict[str, Any], _Po
         return [found for each in value[:MAX_PEOPLE] for found in _poses(each, depth - 1)]
     if isinstance(value, dict):
         for key in sorted(value, key=lambda key: (not _IN_SPACE.search(key), key)):
-            if not re.search("2d|hand|face", key, re.IGNORECASE) and (found := _poses(value[key], depth - 1)):
+            if not _NO_POSE.search(key) and (found := _poses(value[key], depth - 1)):
                 is_known = _IN_SPACE.search(key) is not None
                 return [(own or value, pose._replace(in_space=pose.in_space or is_known)) for own, pose in found]
     return []
@@ -347,6 +361,9 @@ def _pose(value: Any) -> _Pose | None:
         own = {name: point for name, each in value.items() if (point := _point(each)) is not None}
         if len(own) >= MIN_NAMES and (all(map(str.isdecimal, own)) or is_person(list(own))):
             return _Pose(tuple(own), list(own.values()))
+        axes = [value.get(axis, value.get(axis.upper())) for axis in "xyz"]
+        if all(isinstance(axis, list) for axis in axes):  # of all joints
+            return _pose([list(point) for point in zip(*axes, strict=False)])
     joints = list(islice(_joints(value), MAX_JOINTS + 1))
     names = tuple(name for name, _ in joints)
     if MIN_NAMES <= len(set(names)) == len(names) <= MAX_JOINTS:

@@ -214,6 +214,10 @@ def matrices(*, by_columns):
         saved(np.savez, **{f"joints_{axis}": person()[..., k] for k, axis in enumerate("xyz")}),
         saved(savemat, {axis: person()[..., k] for k, axis in enumerate("XYZ")}),
         saved(np.save, person().transpose(0, 2, 1).reshape(len(person()), -1)),
+        saved(
+            savemat,
+            {"body": {j: {axis: person()[:, k, a] for a, axis in enumerate("xyz")} for k, j in enumerate(JOINTS)}},
+        ),
     ],
 )
 def test_positions_may_be_origins_of_matrices_or_have_their_axes_apart(read, content):

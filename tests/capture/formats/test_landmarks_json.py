@@ -384,3 +384,27 @@ def test_a_document_may_be_a_table_or_have_points_as_texts_and_matrices(read, do
     [clip] = read(landmarks_json, content)
     np.testing.assert_allclose(clip.positions, person(), atol=1e-9)
     np.testing.assert_allclose(clip.times - clip.times[0], np.arange(len(person())) / 30, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "document",
+    [
+        {"fps": 60, "frames": [dict(zip(JOINTS, pose.tolist(), strict=True)) for pose in person()]},
+        {"header": {"Frame Rate": 60}, "data": person().reshape(len(person()), -1).tolist()},
+        {"sampleRate": 60.0, "frames": [dict(zip("xyz", pose.T.tolist(), strict=True)) for pose in person()]},
+        {
+            "frame_rate": 60,
+            "frames": [
+                {"bodies": [{"joint_orientations": [[1, 0, 0, 0]] * 20, "joint_positions": pose.tolist()}]}
+                for pose in person()
+            ],
+        },
+    ],
+)
+def test_a_document_states_its_rate_and_may_have_orientations_or_axes_apart(read, document):
+    [clip] = read(landmarks_json, json.dumps(document))
+    np.testing.assert_allclose(clip.positions, person(), atol=1e-9)
+    np.testing.assert_allclose(clip.times, np.arange(len(person())) / 60)
+    assert clip.notes[0] == "The file states 60 frames per second."
+    [clip] = read(landmarks_json, json.dumps(document), fps=10.0)
+    np.testing.assert_allclose(clip.times, np.arange(len(person())) / 10)

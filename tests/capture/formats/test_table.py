@@ -490,3 +490,32 @@ def test_unit_quaternions_are_no_positions(tmp_path):
     path.write_text("\n".join(["\t".join(JOINTS), *rows]))
     with pytest.raises(SkeletonLogError, match="unit quaternion: rotations"):
         table.read(path, ReadOptions())
+
+
+def test_the_lines_above_may_state_the_rate(read):
+    above = ["NO_OF_FRAMES\t4", "FREQUENCY\t100", "MARKER_NAMES\t" + "\t".join(JOINTS)]
+    [clip] = read(table, [*above, *("\t".join(map(str, row)) for row in person().reshape(len(person()), -1))])
+    np.testing.assert_allclose(clip.positions, person(), atol=1e-9)
+    np.testing.assert_allclose(clip.times, np.arange(len(person())) / 100)
+
+
+SPANISH = {
+    "shoulder": "hombro",
+    "elbow": "codo",
+    "wrist": "muneca",
+    "hip": "cadera",
+    "knee": "rodilla",
+    "ankle": "tobillo",
+}
+
+
+def test_sides_may_have_the_words_of_other_languages(read):
+    sides = {"left": "izq", "right": "der"}
+    own = {f"{part}_{side}": f"{SPANISH[part]}_{sides[side]}" for part in SPANISH for side in sides} | {
+        "head": "cabeza"
+    }
+    header = ",".join(f"{name}_{axis}" for name in own.values() for axis in "xyz")
+    rows = person()[:, [JOINT_INDEX[joint] for joint in own]].reshape(len(person()), -1)
+    [clip] = read(table, [header, *(",".join(map(str, row)) for row in rows)])
+    seen = [JOINT_INDEX[joint] for joint in own]
+    np.testing.assert_allclose(clip.positions[:, seen], person()[:, seen], atol=1e-9)

@@ -31,8 +31,8 @@ KNEE_SHARE = -0.1
 CONTORTED_SHARES = (0.2, 0.75)
 """Shares of frames with a contorted body from which there is a note, and an error; noisy sensors have up to 0.4."""
 
-MAX_CHANGE = 0.06
-"""Median relative change of a bone's length from frame to frame; trackers have up to 0.025."""
+MAX_CHANGE = 0.1
+"""Median relative change of a bone's length from frame to frame; trackers with few images a second have up to 0.08."""
 
 STRETCHED, STRETCHED_SHARE = 0.85, 0.5
 """A body is stretched out if its legs are this share of their length long, and have this cosine to the trunk; a note on

@@ -27,13 +27,13 @@ _SHORT_NUMBER = re.compile(r"-?\d{1,4}")
 OTHER_HEADER_ROWS = frozenset(("id", "parent", "type"))
 """First words of header rows that do not name columns. An empty cell precedes them (OptiTrack Motive)."""
 
-UNKNOWN = frozenset(("", "nan", "null", "none", "na", "n/a", "-", "inf", "-inf", "undefined"))
+UNKNOWN = frozenset(("", "nan", "null", "none", "na", "n/a", "-", "inf", "-inf", "undefined", "[]"))
 """Cells in lower case that stand for a value which is not known."""
 
 _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _LABELLED = rf"(?:['\"]?[A-Za-z]+['\"]?\s*[:=]\s*)?{_NUMBER}"
 _NUMBERS = re.compile(_NUMBER)
-_VECTOR = re.compile(rf"(?:[A-Za-z]*[\[({{<])*\s*{_LABELLED}(?:[\s,;]+{_LABELLED}){{2,}}\s*[\])}}>]*")
+_VECTOR = re.compile(rf"(?:[A-Za-z]*[\[({{<]\s*)*{_LABELLED}(?:[\s,;\[\](){{}}]+{_LABELLED}){{2,}}[\s\])}}>]*")
 _PAIR = re.compile(rf"[\[(]\s*{_NUMBER}\s*,\s*{_NUMBER}\s*[\])]")
 _CELLS = re.compile(r"[^\s,;\[\](){}]+")
 _TOKENS = re.compile(rf"(?<![\w.]){_NUMBER}(?![\w.])|[A-Za-z]\w*")

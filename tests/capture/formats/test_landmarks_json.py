@@ -138,16 +138,6 @@ def test_poses_may_have_the_names_of_pictures(read, form):
     np.testing.assert_allclose(clip.positions[:, ARMS], person()[:, ARMS], atol=1e-9)
 
 
-def test_rows_of_csv_may_have_all_points_in_a_cell(read):
-    times = np.arange(len(POINTS)) / 20
-    rows = [f'{time},"{json.dumps(listed(pose))}"' for time, pose in zip(times, POINTS, strict=True)]
-    content = "\n".join(["Timestamp,Pose", "-0.05,[]", *rows]) + "\n"
-    assert landmarks_json.matches(content.encode())
-    [clip] = read(landmarks_json, content)
-    np.testing.assert_allclose(clip.positions[:, ARMS], person()[:, ARMS], atol=1e-9)
-    np.testing.assert_allclose(clip.times, times)
-
-
 def test_a_document_may_be_one_frame(read):
     [clip] = read(landmarks_json, json.dumps(FORMS["world"](POINTS[0])))
     np.testing.assert_allclose(clip.positions[0, ARMS], person()[0, ARMS], atol=1e-9)

@@ -519,3 +519,13 @@ def test_sides_may_have_the_words_of_other_languages(read):
     [clip] = read(table, [header, *(",".join(map(str, row)) for row in rows)])
     seen = [JOINT_INDEX[joint] for joint in own]
     np.testing.assert_allclose(clip.positions[:, seen], person()[:, seen], atol=1e-9)
+
+
+def test_all_points_of_a_frame_may_be_a_list_in_a_cell(read):
+    times = np.arange(len(person())) / 20
+    rows = [f'{time},"{pose.tolist()}"' for time, pose in zip(times, joints_as(BLAZEPOSE), strict=True)]
+    [clip] = read(table, ["Timestamp,Pose", *rows, "0.25,[]"])
+    arms = [JOINT_INDEX[f"{joint}_{side}"] for joint in ("elbow", "wrist", "knee") for side in ("left", "right")]
+    np.testing.assert_allclose(clip.positions[:-1, arms], person()[:, arms], atol=1e-9)
+    np.testing.assert_allclose(clip.times[:-1], times)
+    assert (clip.confidence[-1] == 0).all()

@@ -94,7 +94,7 @@ class Table:
     """
 
     def __init__(self, path: Path, lines: Sequence[Line], options: ReadOptions) -> None:
-        above = [pair for _, text in lines[:MAX_LINES_ABOVE] for pair in _VALUE.findall(text)]
+        above = _VALUE.findall("".join(text for _, text in lines[:MAX_LINES_ABOVE]))
         options, stated = with_stated_rate(options, ((name, float(value)) for name, value in above))
         self.path, self.options = path, options
         is_trc = bool(lines) and lines[0][1].startswith("PathFileType")

@@ -492,8 +492,9 @@ def test_unit_quaternions_are_no_positions(tmp_path):
         table.read(path, ReadOptions())
 
 
-def test_the_lines_above_may_state_the_rate(read):
-    above = ["NO_OF_FRAMES\t4", "FREQUENCY\t100", "MARKER_NAMES\t" + "\t".join(JOINTS)]
+@pytest.mark.parametrize("stated", [["NO_OF_FRAMES\t4", "FREQUENCY\t100"], ["Trajectories", "100"], ["# fps: 100.0"]])
+def test_the_lines_above_may_state_the_rate(read, stated):
+    above = [*stated, "MARKER_NAMES\t" + "\t".join(JOINTS)]
     [clip] = read(table, [*above, *("\t".join(map(str, row)) for row in person().reshape(len(person()), -1))])
     np.testing.assert_allclose(clip.positions, person(), atol=1e-9)
     np.testing.assert_allclose(clip.times, np.arange(len(person())) / 100)

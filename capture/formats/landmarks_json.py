@@ -3,8 +3,8 @@
 Programs that use MediaPipe, OpenPose and other trackers write frames as a list, or as an object with numbers for keys;
 somewhere in each is a pose, or one for each person. A pose is an object of names, a list of points, or a list of
 numbers, or has joints with names at any depth. A point is ``[x, y, z]`` or ``{x, y, z}``, perhaps with a confidence. Of
-several poses in a frame, one in space (*world*, *3d*) counts. A document may also be one pose, or have a list of points
-over time for each name. A point that is missing, null or NaN is lost.
+several poses in a frame, one in space (*world*, *3d*) counts. A document may also be one pose, or a table: in records, or
+in columns, which may be points over time (`capture.formats.table`). A point that is missing, null or NaN is lost.
 """
 
 import math
@@ -150,8 +150,10 @@ def _as_table(document: Any) -> list[Line]:
         rows: list[Any] = []
         names: dict[str, Any] = {}
         if isinstance(part, dict):
-            names = dict(_columns(part))
-            rows = list(zip(*names.values(), strict=False))
+            every = dict(_columns(part))
+            longest = max(map(len, every.values()), default=0)
+            names = {name: values for name, values in every.items() if len(values) == longest}
+            rows = list(zip(*names.values(), strict=True))
         elif isinstance(part, list) and part and isinstance(part[0], dict):
             names = {name: each for name, each in part[0].items() if not isinstance(each, (dict, list))}
             rows = [[record.get(name) for name in names] for record in part if isinstance(record, dict)]
@@ -161,15 +163,22 @@ def _as_table(document: Any) -> list[Line]:
 
 
 def _columns(value: dict[str, Any], name: str = "") -> Iterator[tuple[str, list[Any]]]:
-    """Yield the lists of numbers in dictionaries by their joined keys; such a list may be numbered values."""
+    """Yield lists of numbers, and the coordinates of lists of points, in dictionaries by their joined keys.
+
+    Objects with names may be a list, and the values of a list may be numbered.
+    """
     for key, each in value.items():
         own = f"{name}_{key}" if name else key
+        if isinstance(each, list) and each and all(isinstance(part, dict) and _name(part) for part in each):
+            each = {_name(part): part for part in each}
         if isinstance(each, dict) and not all(map(str.isdecimal, each)):
             yield from _columns(each, own)
         elif isinstance(each, (dict, list)) and each:
             values = list(each.values()) if isinstance(each, dict) else each
             if all(part is None or _is_number(part) for part in values):
                 yield own, values
+            elif all(points := [_point(part) for part in values]):
+                yield from ((f"{own}_{axis}", [point[k] for point in points if point]) for k, axis in enumerate("xyz"))
 
 
 def described(document: Any) -> tuple[str, bool]:
@@ -297,46 +306,16 @@ def _frames(document: Any) -> list[Any]:
         is_numbered = all(key.replace(".", "", 1).isdecimal() for key in document)
         if document and (is_numbered or (len(document) > MAX_POSES and all(map(_pose, document.values())))):
             return list(document.values())
-        if frames := _frames_of_paths(document):
-            return frames
         for value in document.values():
             if isinstance(value, (list, dict)) and _pose(value) is None and (frames := _frames(value)):
                 return frames
     return [document] if _poses(document) else []
 
 
-def _frames_of_paths(document: dict[str, Any]) -> list[Any]:
-    """Return the frames of a document that has a list of points over time for each name, perhaps beside times."""
-    for value in document.values():
-        own = dict(_named_objects(value)) if isinstance(value, list) else value
-        paths = {name: path for name, each in own.items() if (path := _path(each))} if isinstance(own, dict) else {}
-        if len(paths) > 5 and len(set(map(len, paths.values()))) == 1 and is_person(list(paths)):
-            frames = [dict(zip(paths, points, strict=True)) for points in zip(*paths.values(), strict=True)]
-            for key in _TIMES:
-                if isinstance(times := document.get(key), list) and len(times) == len(frames):
-                    return [{key: time, "joints": frame} for time, frame in zip(times, frames, strict=True)]
-            return frames
-    return []
-
-
-def _named_objects(value: list[Any]) -> Iterator[tuple[str, Any]]:
-    """Yield the objects of a list by their names."""
-    for each in value:
-        if isinstance(each, dict) and (name := _name(each)):
-            yield name, each
-
-
 def _name(value: dict[str, Any]) -> str:
     """Return the name or number that an object has; "" without one."""
     own = [each for key, each in value.items() if _NAME.search(key) and not isinstance(each, bool)]
     return next((str(each) for kind in (str, int) for each in own if isinstance(each, kind)), "")
-
-
-def _path(value: Any) -> list[Any]:
-    """Return the points over time that a value is or has as positions; none if it has none."""
-    if isinstance(value, dict):
-        return next((_path(value[key]) for key in _POSITIONS if key in value), [])
-    return value if isinstance(value, list) and value and all(_point(each) for each in value) else []
 
 
 def _poses(value: Any, depth: int = MAX_DEPTH) -> list[tuple[dict[str, Any], _Pose]]:

@@ -3,7 +3,7 @@
 Programs that use MediaPipe, OpenPose and other trackers write frames as a list, or as an object with numbers for keys;
 somewhere in each is a pose, or one for each person. A pose is an object of names, a list of points, or a list of
 numbers, or has joints with names at any depth. A point is ``[x, y, z]`` or ``{x, y, z}``, perhaps with a confidence. Of
-several poses in a frame, one in space (*world*, *3d*) counts. A document may also be one pose, or a table: in records, or
+several poses in a frame, one in space (*world*, *3d*) counts. A document may also be one pose, or a table in records or
 in columns, which may be points over time (`capture.formats.table`). A point that is missing, null or NaN is lost.
 """
 

@@ -4,6 +4,7 @@ Wrong names, orders or sides of joints, rotations in another order, frames of di
 a body that is contorted, changes its size or leans.
 """
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -31,8 +32,9 @@ KNEE_SHARE = -0.1
 CONTORTED_SHARES = (0.2, 0.75)
 """Shares of frames with a contorted body from which there is a note, and an error; noisy sensors have up to 0.4."""
 
-MAX_CHANGE = 0.1
-"""Median relative change of a bone's length from frame to frame; trackers with few images a second have up to 0.08."""
+MAX_CHANGE, MAX_SPREAD = 0.1, 0.5
+"""Median relative change of a bone's length from frame to frame, up to 0.08 in trackers with few images a second, and
+its range over the recording beside the size of the body, up to 0.4."""
 
 STRETCHED, STRETCHED_SHARE = 0.85, 0.5
 """A body is stretched out if its legs are this share of their length long, and have this cosine to the trunk; a note on
@@ -70,14 +72,11 @@ def _notes(points: Floats, contorted: dict[str, NDArray[np.bool_]], share: float
     notes = []
     if share > CONTORTED_SHARES[0]:
         notes.append(f"The body is contorted: {_listed(contorted)}. The tracking failed, or joints have wrong names.")
-    with np.errstate(all="ignore"):
-        lengths = np.log([bone_length(points, *bone) for bone in BONES])
-        change = float(np.nan_to_num(np.expm1(_median(np.abs(np.diff(lengths, axis=1))))))
-    if change > MAX_CHANGE:
-        notes.append(
-            f"Bones change their length by {100 * change:.0f} % from frame to frame. "
-            "The frames may be of different people."
-        )
+    change, spread = _changes(points)
+    by = (change, "from frame to frame") if change > MAX_CHANGE else (spread, "over the recording")
+    if change > MAX_CHANGE or spread > MAX_SPREAD:
+        cause = "The tracking failed, or they are different people."
+        notes.append(f"Bones change their length by {100 * by[0]:.0f} % {by[1]}. {cause}")
     if listed := other_proportions(points):
         notes.append(f"The proportions are not those of a person: {listed}.")
     if listed := uneven_sides(points):
@@ -89,6 +88,16 @@ def _notes(points: Floats, contorted: dict[str, NDArray[np.bool_]], share: float
             "camera was tilted or its pictures were turned: turn the positions, or the video, upright."
         )
     return notes
+
+
+def _changes(points: Floats) -> tuple[float, float]:
+    """Return the median relative change of bones' lengths from frame to frame, and over the recording beside others."""
+    with warnings.catch_warnings(action="ignore"):  # joints that are lost
+        lengths = np.log([bone_length(points, *bone) for bone in BONES])
+        size = np.nanmedian(lengths - np.nanmedian(lengths, axis=1, keepdims=True), axis=0)
+        high, low = np.nanpercentile(lengths - size, [90, 10], axis=1)
+        steps = np.abs(np.diff(lengths, axis=1))
+    return float(np.expm1(np.nan_to_num(_median(steps)))), float(np.expm1(np.nan_to_num(_median(high - low))))
 
 
 def _points(clip: SkeletonClip) -> Floats:

@@ -1,5 +1,6 @@
 """Bodies that no person has are refused or have a note; those of persons have none."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import scipy
 from capture.formats import read_log
 from capture.formats.clips import build_clip
 from capture.formats.plausibility import checked
-from capture.skeleton import JOINT_INDEX, JOINTS
+from capture.skeleton import JOINT_INDEX, JOINTS, PARENTS
 from puppetline.errors import SkeletonLogError
 
 from ...recordings import record
@@ -101,7 +102,7 @@ def test_frames_of_different_people_and_bones_of_other_length_have_a_note():
     sizes = np.where(np.arange(20) % 2, 1.0, 1.2)[:, None, None]
     (clip,) = checked(PATH, [clip_of(person(20) * sizes)])
     assert clip.notes[1:] == (
-        "Bones change their length by 20 % from frame to frame. The frames may be of different people.",
+        "Bones change their length by 20 % from frame to frame. The tracking failed, or they are different people.",
     )
     poses = person(5)
     for side in ("left", "right"):
@@ -122,6 +123,16 @@ def test_files_are_checked_but_not_own_takes_whose_joints_are_no_guess(tmp_path)
         read_log(tmp_path / "take.csv")
     (clip,) = read_log(record(tmp_path / "take.log", list(clip_of(poses).frames())))
     np.testing.assert_array_equal(clip.positions, poses)
+
+
+def test_bones_that_become_longer_and_shorter_have_a_note():
+    poses, still = person(40), person(40)
+    for index, (joint, parent) in enumerate(PARENTS.items()):
+        here, before = JOINT_INDEX[joint], JOINT_INDEX[parent]
+        factor = 1.5 ** np.sin(np.linspace(0, 6.28, 40) + index)[:, None]
+        poses[:, here] = poses[:, before] + factor * (still[:, here] - still[:, before])
+    (clip,) = checked(PATH, [clip_of(poses)])
+    assert re.fullmatch("Bones change their length by [5-9][0-9] % over the recording. .*", clip.notes[1])
 
 
 def test_sides_that_differ_have_a_note():

@@ -67,8 +67,9 @@ ROW_SIZES = 22, 24, 52
 ENDS, TRUNK, LIMBS = (10, 11, 22, 23), (3, 6, 9, 12), (1, 2, 4, 5, 16, 17, 18, 19)
 """Joints of toes and hands, of the trunk, and of arms and legs."""
 
-MAX_END_TURN, MAX_TRUNK_TURN, MIN_LIMB_TURN = 0.5, 0.8, 0.05
-"""Median rotations, in radians, by which rotation vectors are told from positions: toes are away from the hips."""
+MAX_TRUNK_TURN, MIN_LIMB_TURN, END_SHARE, MIN_ARM_TURN = 0.8, 0.1, 0.6, 0.2
+"""Median rotations, in radians, by which rotation vectors are told from positions and other numbers: the trunk turns
+little, arms or legs turn, toes and hands turn by less than this share of it, and arms hang down from the T-pose."""
 
 MAX_JOINTS = 55
 """Number of joints of the largest of these bodies, SMPL-X."""
@@ -160,10 +161,13 @@ def _are_rotations(vectors: Floats) -> bool:
     """Return whether vectors (T, J, 3) are rotations of the SMPL body's joints, and no positions."""
     if not len(vectors) or not np.isfinite(vectors).all():
         return False
-    turns = np.median(np.linalg.norm(vectors, axis=2), axis=0)
-    ends = max(turns[joint] for joint in ENDS if joint < len(turns))
+    turns, middle = np.median(np.linalg.norm(vectors, axis=2), axis=0), np.median(vectors, axis=0)
     trunk, limbs = (max(turns[joint] for joint in joints) for joints in (TRUNK, LIMBS))
-    return bool(ends < MAX_END_TURN and trunk < MAX_TRUNK_TURN and limbs > MIN_LIMB_TURN and turns.max() < 2 * np.pi)
+    ends = max(turns[joint] for joint in (ENDS if len(turns) == 24 else ENDS[:2]))  # otherwise fingers follow
+    is_body = trunk < MAX_TRUNK_TURN and limbs > MIN_LIMB_TURN and ends < END_SHARE * limbs
+    knees_bend = all(middle[knee, 0] > np.abs(middle[knee, 1:]).max() for knee in (4, 5))
+    arms_hang = middle[16, 2] < -MIN_ARM_TURN and middle[17, 2] > MIN_ARM_TURN
+    return bool(is_body and knees_bend and arms_hang and turns.max() < 2 * np.pi)
 
 
 def clip_of(

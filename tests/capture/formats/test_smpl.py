@@ -97,3 +97,15 @@ def test_positions_are_no_parameters(floor, count):
         assert smpl.in_rows(positions) is None
         assert smpl.in_rows(positions.reshape(COUNT, -1)) is None
     assert smpl.in_rows(np.zeros((9, 3 * count))) is None
+
+
+@pytest.mark.parametrize("count", [66, 72, 75, 156])
+def test_other_numbers_are_no_parameters(count):
+    random = np.random.default_rng(count)
+    for rows in (
+        random.normal(size=(200, count)),
+        random.uniform(size=(200, count)),
+        0.3 * random.uniform(size=(200, count)),
+        np.cumsum(0.05 * random.normal(size=(200, count)), axis=0),
+    ):
+        assert smpl.in_rows(rows) is None

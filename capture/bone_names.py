@@ -24,7 +24,7 @@ SIDE_PARTS = ("shoulder", "upperArm", "lowerArm", "hand", "upperLeg", "lowerLeg"
 
 LEG_PARTS = ("upperLeg", "leg", "lowerLeg", "foot", "toes")
 
-SIDES = {"l": "left", "left": "left", "r": "right", "right": "right"}
+SIDES = {word: side for side, words in TABLE["sides"].items() for word in words.split()}
 
 QUARTERS = {word: quarter for quarter, words in TABLE["quarters"].items() for word in words.split()}
 """Pairs of legs by the words for them in the names of a leg's joints."""

@@ -15,10 +15,11 @@ from types import ModuleType
 import numpy as np
 
 from capture.clip import SkeletonClip
-from capture.formats import table
+from capture.formats import puppetline_log, table
 from capture.formats._files import HEAD_BYTES, opened
 from capture.formats.kinds import refusal
 from capture.formats.options import ReadOptions
+from capture.formats.plausibility import checked
 from capture.skeleton import JOINTS, MAX_DISTANCE_METRES
 from puppetline.errors import SkeletonLogError, at
 
@@ -63,7 +64,8 @@ def read_log(path: Path, options: ReadOptions | None = None) -> list[SkeletonCli
     Raises
     ------
     SkeletonLogError
-        The file has no supported format, violates its format, or has a position that no sensor measures.
+        The file has no supported format, violates its format, or has a position that no sensor measures, or a body
+        that is no person's (`capture.formats.plausibility`).
     """
     module = recognize(path, options)
     if module is None:
@@ -71,7 +73,7 @@ def read_log(path: Path, options: ReadOptions | None = None) -> list[SkeletonCli
     clips: list[SkeletonClip] = module.read(path, options or ReadOptions())
     for clip in clips:
         _check_distances(path, clip)
-    return clips
+    return clips if module is puppetline_log else checked(path, clips)  # its joints are no guess
 
 
 def _check_distances(path: Path, clip: SkeletonClip) -> None:

@@ -27,14 +27,15 @@ _SHORT_NUMBER = re.compile(r"-?\d{1,4}")
 OTHER_HEADER_ROWS = frozenset(("id", "parent", "type"))
 """First words of header rows that do not name columns. An empty cell precedes them (OptiTrack Motive)."""
 
-UNKNOWN = frozenset(("", "nan", "null", "none", "na", "n/a", "-", "inf", "-inf", "undefined"))
+UNKNOWN = frozenset(("", "nan", "null", "none", "na", "n/a", "-", "inf", "-inf", "undefined", "[]"))
 """Cells in lower case that stand for a value which is not known."""
 
 _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _LABELLED = rf"(?:['\"]?[A-Za-z]+['\"]?\s*[:=]\s*)?{_NUMBER}"
 _NUMBERS = re.compile(_NUMBER)
-_VECTOR = re.compile(rf"(?:[A-Za-z]*[\[({{<])*\s*{_LABELLED}(?:[\s,;]+{_LABELLED}){{2,}}\s*[\])}}>]*")
+_VECTOR = re.compile(rf"(?:[A-Za-z]*[\[({{<]\s*)*{_LABELLED}(?:[\s,;\[\](){{}}]+{_LABELLED}){{2,}}[\s\])}}>]*")
 _PAIR = re.compile(rf"[\[(]\s*{_NUMBER}\s*,\s*{_NUMBER}\s*[\])]")
+_CELLS = re.compile(r"[^\s,;\[\](){}]+")
 _TOKENS = re.compile(rf"(?<![\w.]){_NUMBER}(?![\w.])|[A-Za-z]\w*")
 
 MIN_SAME_LENGTH = 5
@@ -219,34 +220,31 @@ def _rows(lines: Sequence[Line]) -> tuple[str | None, list[list[str]]]:
 def _under_headlines(lines: Sequence[Line]) -> tuple[Sequence[Line], list[list[str]], int] | None:
     """Return lines and cells, with a header, and how many there were, of rows of numbers below lines that begin them.
 
-    Such a line is the number of a frame, such as ``Frame: 7``, or the name of a joint, such as ``Left knee:``. A row
+    Such a headline is the number of a frame, as in ``Frame: 7``, or the name of a joint, as in ``Left knee:``. A row
     has x, y and z, perhaps after a joint's number. Rows of another length than most are left out.
     """
-    begins = [re.match(r"\s*[A-Za-z]", text) is not None for _, text in lines]
-    if not begins[0] or sum(now > before for before, now in itertools.pairwise(begins)) < MIN_HEADLINES:
+    headlines = [re.match(r"\s*[A-Za-z]", text) is not None for _, text in lines]
+    numbers = [_NUMBERS.findall(text) if own else [] for (_, text), own in zip(lines, headlines, strict=True)]
+    again = sum(now > before for before, now in itertools.pairwise(headlines))
+    if not headlines[0] or again < MIN_HEADLINES or max(map(len, numbers)) > 2:
         return None
-    headlines = [text for (_, text), begin in zip(lines, begins, strict=True) if begin]
-    numbers = [_NUMBERS.findall(text) for text in headlines]
-    if any(len(each) > 2 for each in numbers):
-        return None
-    counted = [each[0] for each in numbers if each]
-    is_frame = len(set(counted)) == len(counted)
+    first = [each[0] for each in numbers if each]
+    is_frame = len(set(first)) == len(first)
     frame = joint = ""
     found: list[tuple[Line, list[str]]] = []
-    for line, begin in zip(lines, begins, strict=True):
-        own = _NUMBERS.findall(line[1]) if begin else []
-        if own and is_frame:
+    for line, is_headline, own in zip(lines, headlines, numbers, strict=True):
+        if not is_headline:
+            found.append((line, [frame, joint, *_CELLS.findall(line[1])]))
+        elif own and is_frame:
             frame, joint = own[0], ""
-        elif begin:
-            joint = own[0] if own else line[1].strip(" :-\t\r\n")
         else:
-            found.append((line, [frame, joint, *re.split(r"[\s,;\[\](){}]+", line[1].strip(" ,;[](){}\t\r\n"))]))
+            joint = own[0] if own else line[1].strip(" :-\t\r\n")
     width, count = Counter(len(row) for _, row in found).most_common(1)[0]
-    rows = [each for each in found if len(each[1]) == width and all(number(cell) is not None for cell in each[1][2:])]
+    rows = [each for each in found if len(each[1]) == width and None not in map(number, each[1][2:])]
     if count < SENTENCES_SHARE * len(found) or width < 5 or not rows:
         return None
     is_numbered = not any(row[1] for _, row in rows) and all(row[2].isdecimal() for _, row in rows)
-    header = ["frame", *(["", "joint"] if is_numbered else ["joint"]), *"xyz"]
+    header = ["frame", "", "joint", *"xyz"] if is_numbered else ["frame", "joint", *"xyz"]
     header += ["visibility"] if width == len(header) + 1 else [""] * (width - len(header))
     return [rows[0][0], *(line for line, _ in rows)], [header, *(row for _, row in rows)], len(found) + 1
 

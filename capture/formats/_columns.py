@@ -21,6 +21,11 @@ TABLE = tomllib.loads(Path(__file__).with_name("table_words.toml").read_text(enc
 WORDS: dict[str, frozenset[str]] = {kind: frozenset(words.split()) for kind, words in TABLE.items() if kind != "units"}
 
 
+_ANGLE = re.compile("angle|flex|extension|duction|euler|quat|rotation|orientation|tilt", re.IGNORECASE)
+ANGLES_SHARE = 1 / 3
+"""Share of names with a word for rotations from which all values are such."""
+
+
 class Column(NamedTuple):
     """What a column is.
 
@@ -75,6 +80,12 @@ def without_prefix(names: Sequence[str]) -> list[str]:
     numbers = [re.sub("[A-Za-z_ ]*", "", name, count=1) for name in names]
     prefixes = {name.removesuffix(number) for name, number in zip(names, numbers, strict=True)}
     return numbers if len(prefixes) == 1 and all(number.isdecimal() for number in numbers) else list(names)
+
+
+def of_angles(names: Sequence[str]) -> str:
+    """Return that names are those of rotations, for messages about values without positions; "" if they are not."""
+    count = sum(_ANGLE.search(name) is not None for name in names)
+    return ": angles, which give no positions without their skeleton" if count > ANGLES_SHARE * len(names) else ""
 
 
 def _words(cell: str) -> list[str]:

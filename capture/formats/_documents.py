@@ -1,15 +1,12 @@
-"""Recordings whose values are nested, as one kind of document: JSON, XML, YARP's lists, and CSV with lists in cells.
+"""Recordings whose values are nested, as one kind of document: JSON, XML and YARP's lists.
 
 A document consists of dictionaries, lists, texts and numbers, as JSON does. An element of XML is the dictionary of its
 attributes and children, of which those with the same name are a list, or else its text. A list in brackets is the
-dictionary of its ``(name value)`` pairs, if it has only these. Each line of such lists is a frame, as each row of CSV.
+dictionary of its ``(name value)`` pairs, if it has only these. Each line of such lists is a frame.
 """
 
-import csv
-import json
 import re
 from collections.abc import Collection, Iterator
-from io import TextIOWrapper
 from pathlib import Path
 from typing import Any
 from xml.parsers import expat
@@ -22,9 +19,6 @@ from puppetline.errors import SkeletonLogError, at
 
 _PART = re.compile(r'[()]|"[^"]*"|[^\s()"]+')
 _LISTS = re.compile(rb"[^\n]*\(\s*\w+\s+\(")
-_POINTS_IN_A_CELL = re.compile(rb'\n[^\n]*?"(\[\s*\[[^"{]*\]\s*\])"')
-_POINT = re.compile(rb"\[[^\[\],]+,[^\[\],]+,([^\[\]]+)\]")
-_SHARE = re.compile(rb"\s*(0?\.\d+|[01](\.0*)?)\s*")
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 
 GLTF = rb'(?:\xef\xbb\xbf)?\s*\{.*"(?:accessors"|bufferViews"|asset"\s*:\s*\{)'
@@ -35,20 +29,13 @@ MAX_DEPTH = 200
 
 
 def is_document(head: bytes) -> bool:
-    """Return whether a file's head is that of JSON (not glTF), XML, bracketed lists, or CSV with points in cells."""
+    """Return whether a file's head is that of JSON (not glTF), XML or bracketed lists."""
     start = head.removeprefix(b"\xef\xbb\xbf").lstrip()
     is_page = re.match(rb"<(!doctype|html)", start, re.IGNORECASE) is not None
     is_marked = start[:1] in (b"{", b"[", b"<") and not is_page
     if re.match(GLTF, head, re.DOTALL):
         return False
-    return is_marked or _LISTS.match(start) is not None or _has_points_in_cells(start)
-
-
-def _has_points_in_cells(start: bytes) -> bool:
-    """Return whether a file's head is text with a list of points in a cell, whose third numbers are no scores."""
-    cell = None if start[:1] in (b"{", b"[", b"<") else _POINTS_IN_A_CELL.search(start)
-    thirds = _POINT.findall(cell[1]) if cell else []
-    return not all(map(_SHARE.fullmatch, thirds))
+    return is_marked or _LISTS.match(start) is not None
 
 
 def load(path: Path, texts: Collection[str] | None = None) -> Any:
@@ -63,8 +50,6 @@ def load(path: Path, texts: Collection[str] | None = None) -> Any:
         head = file.read(HEAD_BYTES).removeprefix(b"\xef\xbb\xbf").lstrip()
     if head[:1] in (b"{", b"["):
         return load_json(path).data
-    if _has_points_in_cells(head):
-        return _rows(path)
     return _xml(path, texts) if head[:1] == b"<" else [_lists(path, line, text) for line, text in read_lines(path)]
 
 
@@ -114,28 +99,6 @@ def _xml(path: Path, names: Collection[str] | None) -> Any:
             fix="Export the file again.",
         ) from error
     return root
-
-
-def _rows(path: Path) -> list[dict[str, Any]]:
-    """Return the rows of a table by the names of the columns, in small letters; cells of JSON are lists."""
-    try:
-        with opened(path) as file:
-            rows = csv.DictReader(TextIOWrapper(file, encoding="utf-8-sig", errors="replace"), restval="")
-            return [{str(name).strip().lower(): _cell(cell) for name, cell in row.items()} for row in rows]
-    except csv.Error as error:  # a cell of more than 131,072 characters
-        raise SkeletonLogError(
-            path,
-            found=f"a table that cannot be read ({error})",
-            expected="rows with the points of each frame in a cell",
-            fix="Write x, y and z of each joint into columns of their own.",
-        ) from error
-
-
-def _cell(text: Any) -> Any:
-    try:
-        return json.loads(text) if isinstance(text, str) and text.lstrip()[:1] == "[" else _value(str(text))
-    except (ValueError, RecursionError):
-        return text
 
 
 def values_of(document: Any, key: str) -> Iterator[Any]:

@@ -14,9 +14,11 @@ from typing import NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.formats import smpl
 from capture.formats._cells import PARTS, DecimalCommaError, UnevenError, number, split
-from capture.formats._columns import AXES, WORDS, Column, parse, with_numbers_as_axes, without_prefix
+from capture.formats._columns import AXES, WORDS, Column, of_angles, parse, with_numbers_as_axes, without_prefix
 from capture.formats._rows import Line
+from capture.formats.clips import with_stated_rate
 from capture.formats.joint_sets import MAX_MISFIT, Fit, as_of, clearest, fits, refuse_image
 from capture.formats.layouts import HOLISTIC, JOINT_SETS
 from capture.formats.options import ReadOptions
@@ -27,6 +29,10 @@ Floats = NDArray[np.float64]
 
 UNNAMED = "\0"
 """Beginning of the names of joints whose columns do not name them."""
+
+MAX_LINES_ABOVE = 12
+_VALUE = re.compile(r"\b([A-Za-z]+(?: [A-Za-z]+)?)[\s:=,;]+([0-9]+(?:\.[0-9]+)?)\b")
+"""The name and number of a value in the lines above a table."""
 
 MAX_EXTRA_COLUMNS = 3
 """Number of columns without a header that are no positions."""
@@ -88,6 +94,8 @@ class Table:
     """
 
     def __init__(self, path: Path, lines: Sequence[Line], options: ReadOptions) -> None:
+        above = _VALUE.findall("".join(text for _, text in lines[:MAX_LINES_ABOVE]))
+        options, stated = with_stated_rate(options, ((name, float(value)) for name, value in above))
         self.path, self.options = path, options
         is_trc = bool(lines) and lines[0][1].startswith("PathFileType")
         header = next((k for k, (_, text) in enumerate(lines) if is_trc and text.lower().startswith("frame#")), 0)
@@ -110,9 +118,9 @@ class Table:
         self.width = len(cells.names)
         self._names = [" ".join(names) for names in cells.names]
         self._known: dict[int, Floats] = {}
-        self.notes: tuple[str, ...] = ()
+        self.notes: tuple[str, ...] = stated
         if cells.cut_off is not None:
-            self.notes = (f"The file ends in the middle of line {cells.cut_off}. This frame is omitted.",)
+            self.notes = (*self.notes, f"The file ends in the middle of line {cells.cut_off}. This frame is omitted.")
         if cells.left_out:
             self.notes = (*self.notes, f"{cells.left_out} lines have another form than the others. They are omitted.")
         if options.columns:
@@ -375,6 +383,7 @@ class Table:
                 points = [self.positions({"x": x, "y": x + 1, "z": x + 2}) for x in starts]
                 refuse_image(self.path, np.stack(points, axis=1))
             found += as_of(sum(column.role == "z" for column in columns) or (self.width // 3 if not names else 0))
+            found += of_angles(named) if names else ""
             roles = {column.role for column in columns}
             missing = missing_joints([column.joint for column in columns if column.role == "z"])
             # a shoulder without an elbow may be a collar
@@ -388,8 +397,16 @@ class Table:
 
     @property
     def has_joints(self) -> bool:
-        """Whether the columns are positions of joints."""
-        return bool(self._layouts)
+        """Whether the columns are positions of joints, or parameters of the SMPL body."""
+        return bool(self._layouts or self.parameters)
+
+    @property
+    def parameters(self) -> smpl.Parameters | None:
+        """The parameters of the SMPL body in columns without names other than numbers; None of other tables."""
+        is_numbered = all(not name or name[-1].isdecimal() for name in self._names[1:])
+        if self._layouts or not is_numbered or None in map(number, self.cells.rows[0]):
+            return None
+        return smpl.in_rows(np.stack([self._numbers(column) for column in range(self.width)], axis=1))
 
     def texts(self, layout: Layout, role: str) -> list[str]:
         """Return the cells of the column with a role; an empty list without it."""

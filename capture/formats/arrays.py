@@ -17,8 +17,10 @@ from scipy.spatial.transform import Rotation
 
 from capture.clip import SkeletonClip
 from capture.formats import landmarks_json, smpl
+from capture.formats._columns import of_angles
 from capture.formats._files import opened
 from capture.formats._mat5 import Mat5Error, Variable, variables
+from capture.formats.clips import with_stated_rate
 from capture.formats.joint_sets import Fit, as_of, clearest, fits
 from capture.formats.layouts import JOINT_SETS
 from capture.formats.options import ReadOptions
@@ -43,7 +45,6 @@ HUMANML3D_FEATURES, HUMANML3D_FPS = 263, 20.0
 
 NPY_MAGIC = b"\x93NUMPY"
 
-_RATES = ("freq", "mocap_framerate", "mocap_frame_rate", "framerate", "frame_rate", "fps")
 _SIZES = {len(joints) for joints in JOINT_SETS.values()}
 
 
@@ -83,15 +84,11 @@ def _of_structures(path: Path, options: ReadOptions) -> list[SkeletonClip]:
 
 def _of_arrays(path: Path, arrays: Arrays, options: ReadOptions) -> list[SkeletonClip]:
     single = {place: array for place, array in arrays.items() if array.size == 1 and array.dtype.kind in "fiu"}
-    rates = {place.rsplit(".", 1)[-1]: float(array.item()) for place, array in single.items()}
-    rate = next((rates[name] for name in _RATES if name in rates), None)
-    notes: tuple[str, ...] = ()
-    if options.fps is None and rate is not None and 1 <= rate <= 1000:
-        options, notes = replace(options, fps=rate), (f"The file states {rate:g} frames per second.",)
-    if parameters := smpl.parameters(arrays):
-        names, points = smpl.positions(*parameters)
-        notes = (*notes, "Parameters of the SMPL body; the bones have the lengths of a typical person.")
-        return [clip_of_positions(path, "arrays", names, points, options, notes=notes)]
+    values = [(place.rsplit(".", 1)[-1], float(array.item())) for place, array in single.items()]
+    options, notes = with_stated_rate(options, values)
+    arrays = {**arrays, **_joined(arrays)}
+    if parameters := smpl.parameters(arrays) or smpl.in_rows(arrays.get("", np.empty(0))):
+        return [smpl.clip_of(path, "arrays", parameters, options, notes)]
     for names, points in _named(arrays):
         return [clip_of_positions(path, "arrays", names, points, options, notes=notes)]
     if fits(joints := _of_features(arrays), ["smpl_22"]):
@@ -231,9 +228,7 @@ def _of_features(arrays: Arrays) -> NDArray[np.float64]:
 def _people(path: Path, arrays: Arrays, options: ReadOptions) -> tuple[str, list[NDArray[np.float64]]]:
     """Return the joint set of the array that is a person's joints, and the people (T, J, 3 or 4) in it."""
     found: list[tuple[Fit, list[NDArray[np.float64]]]] = []
-    for array in arrays.values():
-        if array.dtype.kind not in "fiu" or array.size > MAX_BYTES // 8:
-            continue
+    for array in _of_points(arrays):
         for people in _orders(array):
             sets = [
                 name
@@ -248,6 +243,29 @@ def _people(path: Path, arrays: Arrays, options: ReadOptions) -> tuple[str, list
     return next((fit.name, people) for fit, people in found if fit is best)
 
 
+def _joined(arrays: Arrays) -> Arrays:
+    """Return arrays (…, 3) of which a file has x, y and z apart, under names that end so."""
+    joined = {}
+    for place, array in arrays.items():
+        axes = [arrays.get(place[:-1] + chr(ord(place[-1]) + k)) for k in range(3)] if place[-1:] in ("x", "X") else []
+        own = [np.squeeze(each) for each in axes if each is not None and each.shape == array.shape]
+        if len(own) == 3 and own[0].ndim in (1, 2):
+            joined[place[:-1].rstrip("._ ")] = np.stack(own, axis=-1)
+    return joined
+
+
+def _of_points(arrays: Arrays) -> Iterator[NDArray[np.generic]]:
+    """Yield arrays that may be positions: those of a file, and the origins of its matrices."""
+    for array in arrays.values():
+        if array.dtype.kind not in "fiu" or array.size > MAX_BYTES // 8:
+            continue
+        if array.ndim > 3 and array.shape[-2:] == (4, 4):
+            is_by_rows = not array.reshape(-1, 4, 4)[:1, 3, :3].any()
+            yield array[..., :3, 3] if is_by_rows else array[..., 3, :3]
+        else:
+            yield array
+
+
 def _orders(array: NDArray[np.generic], sizes: Collection[int] = _SIZES) -> list[list[NDArray[np.float64]]]:
     """Return the ways to read an array as people (T, J, 3 or 4)."""
     array = np.squeeze(array)
@@ -260,7 +278,9 @@ def _orders(array: NDArray[np.generic], sizes: Collection[int] = _SIZES) -> list
         for rows in (array, array.T):
             for size, width in itertools.product(sorted(sizes), (3, 4)):
                 if rows.shape[1] == size * width:
-                    found.append([rows.reshape(len(rows), size, width).astype(np.float64)])
+                    whole = rows.astype(np.float64)
+                    found.append([whole.reshape(len(rows), size, width)])
+                    found.append([whole.reshape(len(rows), width, size).transpose(0, 2, 1)])
         return found
     if array.ndim not in (3, 4):
         return []
@@ -288,7 +308,7 @@ def _refuse(path: Path, arrays: Arrays, options: ReadOptions) -> NoReturn:
         if len(shape) == 3 and shape[-1] == 3 and array.dtype.kind in "fiu" and array.size <= MAX_BYTES // 8:
             refuse_flat(path, np.squeeze(array).astype(np.float64))
     counts = [shape[-2] for shape in shapes if len(shape) > 2 and shape[-1] == 3]
-    found, fix = f"{describe(arrays)}{next(filter(None, map(as_of, counts)), '')}", ""
+    found, fix = f"{describe(arrays)}{next(filter(None, map(as_of, counts)), '') or of_angles(list(arrays))}", ""
     if any(shape[-1:] == (2,) and shape[-2:-1] and shape[-2] in _SIZES for shape in shapes):
         found, fix = f"{found}, positions in an image (2D)", "Use positions in space, or the video itself."
     elif any(shape[-1:] == (HUMANML3D_FEATURES,) for shape in shapes):

@@ -1,5 +1,7 @@
 """The last step of every format reader: checked clips from arrays or frames."""
 
+import re
+from collections.abc import Iterable
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -12,6 +14,11 @@ from capture.formats.options import ReadOptions
 from capture.orientations import unit_or_unknown, unknown
 from capture.skeleton import INFERRED, LOST, SkeletonFrame
 from puppetline.errors import SkeletonLogError
+
+_RATE = re.compile("(mocap_?)?(freq|frequency|fps|frame_?rate|sampl(e|ing)_?rate)|trajectories")
+"""Names of values that are the number of frames per second; Vicon Nexus writes it below the last one."""
+
+MAX_RATE, _STATED = 1000, "The file states {:g} frames per second."
 
 DEFAULT_FPS = 30.0
 """Frames per second of a recording that states no times."""
@@ -154,6 +161,15 @@ def frame_rate(options: ReadOptions, default: float) -> tuple[float, tuple[str, 
     if options.fps is not None:
         return options.fps, ()
     return default, (f"The recording has no clock; {default:g} frames per second are assumed.",)
+
+
+def with_stated_rate(options: ReadOptions, values: Iterable[tuple[str, float]]) -> tuple[ReadOptions, tuple[str, ...]]:
+    """Return options with the rate that a recording states among named values, if none is given, and a note on it."""
+    stated = (
+        value for name, value in values if _RATE.fullmatch(name.lower().replace(" ", "_")) and 1 <= value <= MAX_RATE
+    )
+    rate = next(stated, None) if options.fps is None else None
+    return (options, ()) if rate is None else (replace(options, fps=rate), (_STATED.format(rate),))
 
 
 def refuse_nobody(path: Path, positions: NDArray[np.float64]) -> None:

@@ -16,7 +16,7 @@ from capture.formats.clips import refuse_nobody
 from capture.formats.layouts import HOLISTIC, JOINT_SETS
 from capture.formats.placement import bone_length
 from capture.formats.positions import is_person, select
-from capture.formats.proportions import MAX_BONE_RATIO, bone_ratios, refuse_flat
+from capture.formats.proportions import MAX_BONE_RATIO, bone_ratios, refuse_flat, uneven_sides
 from capture.skeleton import JOINT_INDEX, PARENTS
 from puppetline.errors import SkeletonLogError
 
@@ -95,7 +95,8 @@ def _misfit(points: Floats) -> float:
         )
     ]
     away = np.nanmax([*off, 0.0]) / trunk
-    if not (np.nanmax(deviations) < np.log(MAX_BONE_RATIO) and away < MAX_CENTRE_SHARE):
+    is_even = not uneven_sides(points)
+    if not (np.nanmax(deviations) < np.log(MAX_BONE_RATIO) and is_even and away < MAX_CENTRE_SHARE):
         return np.inf
     return float(np.nanmean(deviations) + spread + np.nan_to_num(uneven) + away)
 
@@ -165,32 +166,33 @@ def numbered(
     order = sorted(range(len(numbers)), key=numbers.__getitem__)
     own, points = [numbers[index] for index in order], positions[:, order]
     count = len(own)
-    counted = own in (list(range(count)), list(range(1, count + 1)))
-    whole = [name for name, joints in JOINT_SETS.items() if counted and len(joints) == count]
-    is_rough = whole[0] in MAX_MISFITS if len(whole) == 1 else False
+    refused = None
+    if own in (list(range(count)), list(range(1, count + 1))):
+        try:
+            return list(JOINT_SETS[joint_set(path, points, chosen, found)]), order
+        except UnclearOrderError:
+            raise
+        except SkeletonLogError as error:  # they may be the first joints of a larger set
+            refused = error
     parts = {name: joints for name, joints in JOINT_SETS.items() if len(joints) > max(own[-1], count)}
-    names = [name for name, joints in parts.items() if is_person([joints[k] for k in own])]
-    names = [name for name in names if chosen in (None, name)]
-    if chosen not in names and (chosen or is_rough or fits(points, whole)):
-        return list(JOINT_SETS[joint_set(path, points, chosen, found)]), order
-    fitting = []
-    for name in names if len(names) > 1 or whole else []:
-        padded = np.full((len(points), len(JOINT_SETS[name]), 3), np.nan)
-        padded[:, own] = points
-        fitting += fits(padded, [name])
-    if fitting:
-        names = [clearest(path, fitting, f"{found} of joints with numbers").name]
-    if whole and not fitting:
-        return list(JOINT_SETS[joint_set(path, points, chosen, found)]), order
-    if len(names) != 1:
-        listed = f"{own[0]} to {own[-1]}" if own[-1] - own[0] == count - 1 else ", ".join(map(str, own))[:80]
-        raise SkeletonLogError(
-            path,
-            found=f"{found} of joints with the numbers {listed}, which are no person's",
-            expected=f"a person in the order of {' or '.join(names)}" if names else "joints in a known order",
-            fix="Name the order with --joints, or the columns with --columns.",
-        )
-    return [JOINT_SETS[names[0]][k] for k in own], order
+    names = [name for name in parts if chosen in (None, name) and is_person([parts[name][k] for k in own])]
+    if len(names) > 1 or (refused and not chosen):
+        fitting = []
+        for name in names:
+            padded = np.full((len(points), len(parts[name]), 3), np.nan)
+            padded[:, own] = points
+            fitting += fits(padded, [name])
+        names = [clearest(path, fitting, f"{found} of joints with numbers").name] if fitting else names
+        refused = None if fitting else refused
+    if len(names) == 1 and not (refused and not chosen):
+        return [JOINT_SETS[names[0]][k] for k in own], order
+    listed = f"{own[0]} to {own[-1]}" if own[-1] - own[0] == count - 1 else ", ".join(map(str, own))[:80]
+    raise refused or SkeletonLogError(
+        path,
+        found=f"{found} of joints with the numbers {listed}, which are no person's",
+        expected=f"a person in the order of {' or '.join(names)}" if names else "joints in a known order",
+        fix="Name the order with --joints, or the columns with --columns.",
+    )
 
 
 def as_of(count: int) -> str:

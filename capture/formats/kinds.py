@@ -5,6 +5,7 @@ import zipfile
 from pathlib import Path
 
 from capture.formats._cells import number
+from capture.formats._columns import of_angles
 from capture.formats._documents import GLTF
 from capture.formats._files import HEAD_BYTES, opened
 from capture.formats._json import load
@@ -114,7 +115,7 @@ def _text(path: Path, head: bytes) -> tuple[str, str]:
     rows = [re.split("[,;\t|]", line) for line in (first, *others)]
     is_table = len(rows[0]) >= MIN_POINTS or (len(rows) > 2 and {len(rows[0])} == {*map(len, rows[:-1])} != {1})
     if is_table and not any(number(cell) is not None for cell in rows[0] if cell):
-        listed = f"{', '.join(rows[0][:12])}{' …' if len(rows[0]) > 12 else ''}"
+        listed = f"{', '.join(rows[0][:12])}{' …' if len(rows[0]) > 12 else ''}{of_angles(rows[0])}"
         return f"a table with the columns {listed}, without rows of three numbers", f"{EXPORT} {NAME_COLUMNS}"
     return f"text with lines such as {first[:60]!r}{'…' if len(first) > 60 else ''}", EXPORT
 

@@ -3,8 +3,8 @@
 Programs that use MediaPipe, OpenPose and other trackers write frames as a list, or as an object with numbers for keys;
 somewhere in each is a pose, or one for each person. A pose is an object of names, a list of points, or a list of
 numbers, or has joints with names at any depth. A point is ``[x, y, z]`` or ``{x, y, z}``, perhaps with a confidence. Of
-several poses in a frame, one in space (*world*, *3d*) counts. A document may also be one pose, or have a list of points
-over time for each name. A point that is missing, null or NaN is lost.
+several poses in a frame, one in space (*world*, *3d*) counts. A document may also be one pose, or a table in records or
+in columns, which may be points over time (`capture.formats.table`). A point that is missing, null or NaN is lost.
 """
 
 import math
@@ -20,10 +20,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
+from capture.formats import smpl, table
+from capture.formats._cells import vector
+from capture.formats._columns import of_angles, parse
 from capture.formats._documents import is_document, load
 from capture.formats._files import opened
-from capture.formats._table import EXPORT
-from capture.formats.clips import DEFAULT_FPS, MAX_JOINTS, frame_rate
+from capture.formats._rows import Line
+from capture.formats._table import EXPORT, Table
+from capture.formats.clips import DEFAULT_FPS, MAX_JOINTS, frame_rate, with_stated_rate
 from capture.formats.joint_sets import as_of, fits, joint_set, numbered
 from capture.formats.layouts import JOINT_SETS
 from capture.formats.options import ReadOptions
@@ -32,7 +36,7 @@ from capture.formats.table import confidence_of, moments, seconds_of
 from puppetline.errors import SkeletonLogError
 
 _HINT = re.compile(
-    rb"elbow|joint|upper_?arm|humerus|keypoints|landmarks|\[\s*\[\s*-?[0-9]"
+    rb"elbow|joint|body_?pose|upper_?arm|humerus|keypoints|landmarks|\[\s*\[\s*-?[0-9]"
     rb"|[\"'](?:camera|world|pos|position)?_?x[\"']\s*:|[\"'][0-9]+[\"']\s*:\s*[\[(]\s*-?[0-9]",
     re.IGNORECASE,
 )
@@ -40,8 +44,21 @@ _CONFIDENCES = ("visibility", "confidence", "score", "presence", "c", "v", "like
 _TIMES = ("time", "timestamp", "timestamp_ms", "timestampMs", "t", "time_s", "time_ms", "frame_time", "timestamp_usec")
 _FRAMES = ("frame", "frame_id", "frame_index", "frameNumber", "index")
 _IDS = ("person_id", "track_id", "id", "body_id", "user")
-_POSITIONS = ("position", "positions", "pos", "location", "translation", "camera", "pose", "transform")
-_NAME = re.compile("name|tag|type|joint|part|keypoint|label|landmark", re.IGNORECASE)
+_POSITIONS = (
+    "position",
+    "positions",
+    "pos",
+    "location",
+    "translation",
+    "camera",
+    "pose",
+    "transform",
+    "modeltransform",
+    "matrix",
+    "columns",
+)
+_NAME = re.compile("name|tag|type|joint|part|keypoint|label|landmark|bone|^id$", re.IGNORECASE)
+_NO_POSE = re.compile("2d|hand|face|orient|rotat|quat", re.IGNORECASE)
 _IN_SPACE = re.compile("world|3d", re.IGNORECASE)
 _SIZES = {len(joints) for joints in JOINT_SETS.values()}
 MAX_NUMBER = 2.0**63
@@ -90,6 +107,24 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
         The document cannot be read, or has no positions in space of a person's landmarks.
     """
     document = load(path)
+    options, notes = with_stated_rate(options, _values(document))
+    return [replace(clip, notes=(*notes, *clip.notes)) for clip in _read(path, document, options)]
+
+
+def _values(document: Any, depth: int = 2) -> Iterator[tuple[str, float]]:
+    """Yield the numbers that a document has by their keys."""
+    for key, value in document.items() if isinstance(document, dict) and depth else ():
+        if _is_number(value):
+            yield key, float(value)
+        yield from _values(value, depth - 1)
+
+
+def _read(path: Path, document: Any, options: ReadOptions) -> list[SkeletonClip]:
+    if bodies := list(smpl.in_document(document)):
+        own = [smpl.clip_of(path, "landmarks_json", body, options) for body in bodies[:MAX_PEOPLE]]
+        return [replace(clip, user=user) for user, clip in enumerate(own)]
+    if lines := _as_table(document):
+        return table.clips_of(Table(path, lines, options), "landmarks_json")
     if clips := clips_of(path, "landmarks_json", document, options):
         return clips
     names = dict.fromkeys(name for name, _ in islice(_joints(document), MAX_JOINTS))
@@ -109,28 +144,69 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
     )
 
 
+def _as_table(document: Any) -> list[Line]:
+    """Return the lines of the table of joints that a document is, in records or in columns; none of others."""
+    for part in (document, *(document.values() if isinstance(document, dict) else ())):
+        rows: list[Any] = []
+        names: dict[str, Any] = {}
+        if isinstance(part, dict):
+            every = dict(_columns(part))
+            longest = max(map(len, every.values()), default=0)
+            names = {name: values for name, values in every.items() if len(values) == longest}
+            rows = list(zip(*names.values(), strict=True))
+        elif isinstance(part, list) and part and isinstance(part[0], dict):
+            names = {name: each for name, each in part[0].items() if not isinstance(each, (dict, list))}
+            rows = [[record.get(name) for name in names] for record in part if isinstance(record, dict)]
+        if is_person([column.joint for column in parse([[name] for name in names]) if column.role == "z"]):
+            return [(at, "\t".join(map(str, row)) + "\n") for at, row in enumerate([names, *rows], start=1)]
+    return []
+
+
+def _columns(value: dict[str, Any], name: str = "") -> Iterator[tuple[str, list[Any]]]:
+    """Yield lists of numbers, and the coordinates of lists of points, in dictionaries by their joined keys.
+
+    Objects with names may be a list, and the values of a list may be numbered.
+    """
+    for key, each in value.items():
+        own = f"{name}_{key}" if name else key
+        if isinstance(each, list) and each and all(isinstance(part, dict) and _name(part) for part in each):
+            each = {_name(part): part for part in each}
+        if isinstance(each, dict) and not all(map(str.isdecimal, each)):
+            yield from _columns(each, own)
+        elif isinstance(each, (dict, list)) and each:
+            values = list(each.values()) if isinstance(each, dict) else each
+            if all(part is None or _is_number(part) for part in values):
+                yield own, values
+            elif all(points := [_point(part) for part in values]):
+                yield from ((f"{own}_{axis}", [point[k] for point in points if point]) for k, axis in enumerate("xyz"))
+
+
 def described(document: Any) -> tuple[str, bool]:
     """Return what a document without a person has, for messages, and whether these are positions in an image."""
-    groups: Counter[tuple[int, int]] = Counter()
-    for value in islice(_containers(document), MAX_CONTAINERS):
-        if isinstance(value, dict) and any(re.search("2d", str(key), re.IGNORECASE) for key in value):
-            return " with positions in an image (2D)", True
-        each = list(value.values()) if isinstance(value, dict) else value
-        sizes = [2 if _is_flat(point) else 3 if _point(point) not in (None, _LOST) else 0 for point in each]
-        if all(map(_is_number, each)) and len(each) % 2 == 0 and len(each) // 2 in _SIZES:
-            sizes = [] if _point_sizes(len(each)) else [2] * (len(each) // 2)  # x and y in turn
-        groups.update([(len(sizes) - sizes.count(0), max(sizes))] if sizes.count(0) < MIN_NAMES < len(sizes) else [])
-    count, size = max(groups, default=(0, 0))
-    if size == 2:
+    containers = list(islice(_containers(document), MAX_CONTAINERS))
+    count, size = max(map(_points_in, containers), default=(0, 0))
+    if size == 2 or any("2d" in str(key).lower() for own in containers if isinstance(own, dict) for key in own):
         return " with positions in an image (2D)", True
     if size == 3 and as_of(count):
         return f" of {count} points{as_of(count)}", False
     points = f"with {count} points that are no person's" if size == 3 else "without positions in space"
-    amount, first = "", document
-    if isinstance(document, list):
-        amount, first = f", a list of {len(document):,}", document[0] if document else None
-    keys = f" with the keys {', '.join(map(str, list(first)[:8]))}" if isinstance(first, dict) and first else ""
-    return f"{amount}{keys}, {points}", False
+    is_list = isinstance(document, list)
+    first = document[0] if is_list and document else document
+    keys = list(map(str, first)) if isinstance(first, dict) else []
+    listed = f" with the keys {', '.join(keys[:8])}" if keys else ""
+    amount = f", a list of {len(document):,}" if is_list else ""
+    return f"{amount}{listed}, {points}{of_angles(keys) if keys else ''}", False
+
+
+def _points_in(value: Any) -> tuple[int, int]:
+    """Return how many points a list or dictionary has, and how many coordinates these have; 0 if it has others."""
+    each = list(value.values()) if isinstance(value, dict) else value
+    if all(map(_is_number, each)):  # x and y in turn
+        is_flat = len(each) % 2 == 0 and len(each) // 2 in _SIZES and not _point_sizes(len(each))
+        return (len(each) // 2, 2) if is_flat else (0, 0)
+    sizes = [2 if _is_flat(point) else 3 if _point(point) not in (None, _LOST) else 0 for point in each]
+    others = sizes.count(0)
+    return (len(sizes) - others, max(sizes)) if others < MIN_NAMES < len(sizes) else (0, 0)
 
 
 def _containers(value: Any) -> Iterator[Any]:
@@ -230,32 +306,16 @@ def _frames(document: Any) -> list[Any]:
         is_numbered = all(key.replace(".", "", 1).isdecimal() for key in document)
         if document and (is_numbered or (len(document) > MAX_POSES and all(map(_pose, document.values())))):
             return list(document.values())
-        if frames := _frames_of_paths(document):
-            return frames
         for value in document.values():
             if isinstance(value, (list, dict)) and _pose(value) is None and (frames := _frames(value)):
                 return frames
     return [document] if _poses(document) else []
 
 
-def _frames_of_paths(document: dict[str, Any]) -> list[Any]:
-    """Return the frames of a document that has a list of points over time for each name, perhaps beside times."""
-    for value in document.values():
-        paths = {name: path for name, each in value.items() if (path := _path(each))} if isinstance(value, dict) else {}
-        if len(paths) > 5 and len(set(map(len, paths.values()))) == 1 and is_person(list(paths)):
-            frames = [dict(zip(paths, points, strict=True)) for points in zip(*paths.values(), strict=True)]
-            for key in _TIMES:
-                if isinstance(times := document.get(key), list) and len(times) == len(frames):
-                    return [{key: time, "joints": frame} for time, frame in zip(times, frames, strict=True)]
-            return frames
-    return []
-
-
-def _path(value: Any) -> list[Any]:
-    """Return the points over time that a value is or has as positions; none if it has none."""
-    if isinstance(value, dict):
-        return next((_path(value[key]) for key in _POSITIONS if key in value), [])
-    return value if isinstance(value, list) and value and all(_point(each) for each in value) else []
+def _name(value: dict[str, Any]) -> str:
+    """Return the name or number that an object has; "" without one."""
+    own = [each for key, each in value.items() if _NAME.search(key) and not isinstance(each, bool)]
+    return next((str(each) for kind in (str, int) for each in own if isinstance(each, kind)), "")
 
 
 def _poses(value: Any, depth: int = MAX_DEPTH) -> list[tuple[dict[str, Any], _Pose]]:
@@ -268,7 +328,7 @@ def _poses(value: Any, depth: int = MAX_DEPTH) -> list[tuple[dict[str, Any], _Po
         return [found for each in value[:MAX_PEOPLE] for found in _poses(each, depth - 1)]
     if isinstance(value, dict):
         for key in sorted(value, key=lambda key: (not _IN_SPACE.search(key), key)):
-            if not re.search("2d|hand|face", key, re.IGNORECASE) and (found := _poses(value[key], depth - 1)):
+            if not _NO_POSE.search(key) and (found := _poses(value[key], depth - 1)):
                 is_known = _IN_SPACE.search(key) is not None
                 return [(own or value, pose._replace(in_space=pose.in_space or is_known)) for own, pose in found]
     return []
@@ -280,10 +340,14 @@ def _pose(value: Any) -> _Pose | None:
         own = {name: point for name, each in value.items() if (point := _point(each)) is not None}
         if len(own) >= MIN_NAMES and (all(map(str.isdecimal, own)) or is_person(list(own))):
             return _Pose(tuple(own), list(own.values()))
+        axes = [value.get(axis, value.get(axis.upper())) for axis in "xyz"]
+        if all(isinstance(axis, list) for axis in axes):  # of all joints
+            return _pose([list(point) for point in zip(*axes, strict=False)])
     joints = list(islice(_joints(value), MAX_JOINTS + 1))
     names = tuple(name for name, _ in joints)
-    if MIN_NAMES <= len(set(names)) == len(names) <= MAX_JOINTS and not all(map(str.isdecimal, names)):
-        return _Pose(names, [point for _, point in joints]) if is_person(names) else None
+    if MIN_NAMES <= len(set(names)) == len(names) <= MAX_JOINTS:
+        is_known = all(map(str.isdecimal, names)) or is_person(names)
+        return _Pose(names, [point for _, point in joints]) if is_known else None
     if not isinstance(value, list) or len(value) < min(_SIZES):
         return None
     if all(_is_number(each) for each in value):
@@ -296,7 +360,7 @@ def _pose(value: Any) -> _Pose | None:
 def _joints(value: Any) -> Iterator[tuple[str, list[float]]]:
     """Yield the points with names in a value, at any depth."""
     if isinstance(value, dict):
-        name = next((each for key, each in value.items() if isinstance(each, str) and _NAME.search(key)), "")
+        name = _name(value)
         if name and (point := _point(value)) is not None:
             yield name, point
     for each in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
@@ -304,9 +368,13 @@ def _joints(value: Any) -> Iterator[tuple[str, list[float]]]:
 
 
 def _point(value: Any) -> list[float] | None:
-    """Return x, y, z and perhaps the confidence of a point in space; NaN if it is lost."""
+    """Return x, y, z and perhaps the confidence of a point in space, or of a matrix's origin; NaN if it is lost."""
     if value is None:
         return _LOST
+    if isinstance(value, str):
+        return vector(value)
+    if isinstance(value, list) and len(value) in (4, 16) and (origin := _origin(value)):
+        return origin
     if isinstance(value, list) and 3 <= len(value) <= 5 and all(each is None or _is_number(each) for each in value):
         return [math.nan if each is None else float(each) for each in value]
     if isinstance(value, dict):
@@ -318,6 +386,17 @@ def _point(value: Any) -> list[float] | None:
         inner = next((own[key] for key in _POSITIONS if key in own), None)
         point = _point(inner) if inner is not None else None
         return [*point[:3], *sure] if point else None
+    return None
+
+
+def _origin(value: list[Any]) -> list[float] | None:
+    """Return the origin of the axes that a matrix (4, 4) gives, by rows or columns; None for other lists."""
+    rows = value if len(value) == 4 else [value[k : k + 4] for k in range(0, 16, 4)]
+    if not all(isinstance(row, list) and len(row) == 4 and all(map(_is_number, row)) for row in rows):
+        return None
+    for matrix in (rows, [list(column) for column in zip(*rows, strict=True)]):
+        if matrix[3] == [0, 0, 0, 1]:
+            return [float(row[3]) for row in matrix[:3]]
     return None
 
 

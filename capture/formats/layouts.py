@@ -35,7 +35,7 @@ HOLISTIC = {
     for count in counts
 }
 """Poses before the landmarks of hands and face, which no recording has in rows of their own."""
-JOINT_SETS |= HOLISTIC
+JOINT_SETS |= {**HOLISTIC, "quest_70": JOINT_SETS["quest_84"][:70]}  # Meta Quest's body without legs
 
 _NAMES = {"spine_base": "hip_center", "pelvis": "hip_center", "spine_mid": "spine", "spine_navel": "spine"}
 _NAMES |= {"torso": "spine", "spine_shoulder": "shoulder_center"}

@@ -18,6 +18,9 @@ TYPICAL_TRUNK_METRES = TYPICAL_BONE_METRES["spine"] + TYPICAL_BONE_METRES["shoul
 MAX_BONE_RATIO = 2.0
 """How many times longer or shorter than a typical person's a bone can be, beside the other bones."""
 
+MAX_SIDES_RATIO = 1.7
+"""How many times longer than on the other side a bone can be; noisy trackers have up to 1.45."""
+
 MIN_THICKNESS, MIN_THICKNESS_WITHOUT_HIPS = 0.003, 0.08
 """Smallest size of a person in any direction, as a share of the largest one; standing in a T-pose, it is 0.02.
 
@@ -38,8 +41,9 @@ ENDS = {"wrist": "hand", "ankle": "foot"}
 MIN_GOOD_SHARE = 0.25
 """Smallest share of frames in which a bone is a person's, if it is not in the others."""
 
-MAX_HEAD_COSINE = -0.5
-"""Cosine of the angle between trunk and head from which the latter hangs down, which no neck allows."""
+
+QUATERNION_TOLERANCE, QUATERNION_SHARE = 0.01, 0.9
+"""How far the length of quaternions is from 1, in at least this share."""
 
 
 def bone_ratios(points: Floats) -> Floats:
@@ -106,36 +110,64 @@ def refuse_flat(path: Path, points: Floats, least: float = MIN_THICKNESS) -> Non
         )
 
 
-def refuse_other_bodies(path: Path, points: Floats) -> None:
-    """Check that the bones of points (T, 20, 3) have the proportions of a person, and that the head is on the neck.
+def refuse_rotations(path: Path, values: Floats) -> None:
+    """Check that values (T, J, 4) are no unit quaternions, which have a length of 1 in nearly all frames.
 
     Raises
     ------
     SkeletonLogError
-        A long bone is too long or too short, or the head is below the shoulders.
+        They are.
     """
-    ratios = bone_ratios(points)
-    wrong = ~_is_persons(ratios) & np.isfinite(ratios)
-    if wrong.any() or not np.isfinite(ratios).any() or _head_hangs_down(points):
-        bones = (*BONES, ("shoulder_center", "hip_center"))
-        listed = ", ".join(
-            f"{parent} to {joint} {ratio:.2g} times a person's"
-            for (joint, parent), ratio, bad in zip(bones, ratios, wrong, strict=True)
-            if bad
-        )
-        other = "the head is below the shoulders" if np.isfinite(ratios).any() else "none is known"
+    lengths = np.linalg.norm(values, axis=2)
+    known = lengths[np.isfinite(lengths)]
+    if len(known) and np.mean(np.abs(known - 1) < QUATERNION_TOLERANCE) > QUATERNION_SHARE:
         raise SkeletonLogError(
             path,
-            found=f"distances between joints that no person has ({listed or other})",
+            found="four numbers of each joint that are a unit quaternion: rotations, which give no positions alone",
+            expected="x, y and z of a person's joints",
+            fix="Export the positions of the joints, or the motion as BVH.",
+        )
+
+
+def other_proportions(points: Floats) -> str:
+    """Return which bones of points (T, 20, 3) have no person's length beside the others, for messages; "" if all do."""
+    ratios = bone_ratios(points)
+    wrong = ~_is_persons(ratios) & np.isfinite(ratios)
+    bones = (*BONES, ("shoulder_center", "hip_center"))
+    return ", ".join(
+        f"{parent} to {joint} {ratio:.2g} times a person's"
+        for (joint, parent), ratio, bad in zip(bones, ratios, wrong, strict=True)
+        if bad
+    )
+
+
+def uneven_sides(points: Floats) -> str:
+    """Return which long bones of points (T, 20, 3) are much longer on one side, for messages; "" if none is."""
+    ratios = dict(zip((joint for joint, _ in BONES), bone_ratios(points), strict=False))
+    found = []
+    for joint, parent in BONES:
+        with np.errstate(all="ignore"):
+            ratio = ratios[joint] / ratios[joint.replace("left", "right")]
+            is_uneven = abs(np.log(ratio)) > np.log(MAX_SIDES_RATIO)
+        if is_uneven:
+            name, bone = joint.removesuffix("_left"), parent.removesuffix("_left")
+            found.append(f"{name} is {max(ratio, 1 / ratio):.2g} times as far from {bone}")
+    return ", ".join(found)
+
+
+def refuse_other_bodies(path: Path, points: Floats) -> None:
+    """Check that the bones of points (T, 20, 3) have the proportions of a person.
+
+    Raises
+    ------
+    SkeletonLogError
+        A long bone is too long or too short, or none is known.
+    """
+    listed = other_proportions(points)
+    if listed or not np.isfinite(bone_ratios(points)).any():
+        raise SkeletonLogError(
+            path,
+            found=f"distances between joints that no person has ({listed or 'none is known'})",
             expected="the joints of a person, in the order of their names",
             fix="Check the names and the order of the joints; --joints and --columns set them.",
         )
-
-
-def _head_hangs_down(points: Floats) -> bool:
-    """Return whether the head of points (T, 20, 3) mostly points down the trunk from the neck."""
-    hips, neck, head = (points[:, JOINT_INDEX[joint]] for joint in ("hip_center", "shoulder_center", "head"))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        trunk, top = (way / np.linalg.norm(way, axis=1, keepdims=True) for way in (neck - hips, head - neck))
-    bend = np.einsum("ti,ti->t", trunk, top)
-    return bool(np.isfinite(bend).any() and np.nanmedian(bend) < MAX_HEAD_COSINE)

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
+from capture.formats import smpl
 from capture.formats._cells import number
 from capture.formats._columns import TABLE, without_prefix
 from capture.formats._rows import read_lines, whole_lines
@@ -26,6 +27,7 @@ from capture.formats.clips import DEFAULT_FPS, MAX_JOINTS, frame_rate
 from capture.formats.joint_sets import UnclearOrderError, numbered
 from capture.formats.options import ReadOptions
 from capture.formats.positions import clip_of_positions
+from capture.formats.proportions import refuse_rotations
 from capture.skeleton import INFERRED, LOST, TRACKED
 from puppetline.errors import SkeletonLogError
 
@@ -34,6 +36,9 @@ Rows = NDArray[np.intp]
 
 UNITS_PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ticks": 1e7, "ns": 1e9}
 """Units of time in a second."""
+
+ROWS_OF_KIND = 100
+"""Number of rows by which four numbers of a joint are told to be rotations."""
 
 MAX_FRAME_STEP = 7
 """Largest common step between numbers of frames; times in milliseconds have larger ones."""
@@ -78,7 +83,13 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
     SkeletonLogError
         A row has too few or too many cells, a coordinate is no number, the joints are no person's or in no known order.
     """
-    table = Table(path, read_lines(path, errors="replace"), options)
+    return clips_of(Table(path, read_lines(path, errors="replace"), options), "table")
+
+
+def clips_of(table: Table, log_format: str) -> list[SkeletonClip]:
+    """Return one clip per performer in a table; the errors are those of `read`."""
+    if parameters := table.parameters:
+        return [smpl.clip_of(table.path, log_format, parameters, table.options, table.notes)]
     found = [
         (user if len(table.layouts) == 1 else number, _performer(table, layout, rows))
         for number, layout in enumerate(table.layouts)
@@ -88,11 +99,11 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
     clips = []
     for user, performer in present or found[:1]:
         clip = clip_of_positions(
-            path,
-            "table",
+            table.path,
+            log_format,
             performer.names,
             performer.positions,
-            options,
+            table.options,
             times=performer.times,
             confidence=performer.confidence,
             notes=(*table.notes, *performer.notes),
@@ -111,13 +122,14 @@ def columns(path: Path, options: ReadOptions) -> dict[str, str]:
     """
     table = Table(path, read_lines(path, errors="replace"), options)
     meanings: dict[int, str] = {}
-    for user, layout in enumerate(table.layouts):
+    for user, layout in enumerate(() if table.parameters else table.layouts):
         meanings |= {column: role for role, column in layout.fields.items()}
         whose = "" if len(table.layouts) == 1 else f"performer {user}: "
         for joint, own in layout.joints.items():
             for role, column in own.items():
                 meanings[column] = whose + (role if joint.startswith(UNNAMED) else f"{joint} {role}")
-    return {table.column_name(column): meanings.get(column, "not used") for column in range(table.width)}
+    other = "parameter of the SMPL body" if table.parameters else "not used"
+    return {table.column_name(column): meanings.get(column, other) for column in range(table.width)}
 
 
 def confidence_of(states: Floats) -> NDArray[np.float32]:
@@ -183,6 +195,10 @@ def _people(table: Table, layout: Layout) -> dict[int, Rows]:
 def _performer(table: Table, layout: Layout, rows: Rows) -> Performer:
     positions = np.stack([table.positions(own)[rows] for own in layout.joints.values()], axis=1)
     confidence = np.stack([_confidence(table, own)[rows] for own in layout.joints.values()], axis=1)
+    if all("state" in own for own in layout.joints.values()):
+        some = rows[:ROWS_OF_KIND]
+        states = [[number(table.cells.rows[row][own["state"]]) for own in layout.joints.values()] for row in some]
+        refuse_rotations(table.path, np.dstack([positions[: len(some)], np.array(states, dtype=np.float64)]))
     performer = Performer(list(layout.joints), positions, confidence, None)
     if performer.names[0].startswith(UNNAMED):
         if positions.shape[1] == 1:

@@ -152,7 +152,7 @@ export const TABLE = {
     "lowerLeg": "lowerleg leglower lowleg loleg calf shin shank knee kne tibia fibula genou mollet knie unterschenkel rodilla ginocchio joelho ひざ 膝",
     "leg": "leg midleg jambe bein pierna gamba perna 足",
     "foot": "foot feet footback ankle talus paw hoof shoe boot pied cheville fuss knoechel tobillo piede caviglia tornozelo 足首",
-    "toes": "toe toes toebase ball bigtoe orteil orteils zeh zehen つま先",
+    "toes": "toe toes toebase ball football bigtoe orteil orteils zeh zehen つま先",
     "tail": "tail queue schwanz cola coda cauda 尻尾",
     "wing": "wing feather fin flipper topflipper midflipper bottomflipper aile fluegel ala asa 翼 羽"
   },

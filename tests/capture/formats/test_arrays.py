@@ -176,3 +176,50 @@ def test_normalised_features_are_no_person(tmp_path):
     np.save(tmp_path / "features.npy", np.random.default_rng(0).normal(size=(40, 263)))
     with pytest.raises(SkeletonLogError, match="features of HumanML3D"):
         arrays.read(tmp_path / "features.npy", ReadOptions())
+
+
+def test_arrays_of_angles_are_called_so(read):
+    with pytest.raises(SkeletonLogError) as caught:
+        read(arrays, saved(np.savez, LKneeAngles=np.ones((9, 3)), RKneeAngles=np.ones((9, 3)), time=np.arange(9.0)))
+    assert ": angles, which give no positions without their skeleton" in caught.value.found
+
+
+@pytest.mark.parametrize(
+    "swapped", [("shoulder_left", "elbow_left"), ("knee_right", "ankle_right"), ("neck", "hip_left")]
+)
+def test_an_unknown_order_of_joints_is_refused(read, swapped):
+    order = list(JOINT_SETS["lsp"])
+    points = joints_as(order)
+    [clip] = read(arrays, saved(np.save, points))
+    own = [JOINT_INDEX[joint] for joint in order if joint in JOINT_INDEX]
+    np.testing.assert_allclose(clip.positions[:, own], person()[:, own], atol=1e-9)
+    one, other = map(order.index, swapped)
+    points[:, [one, other]] = points[:, [other, one]]
+    with pytest.raises(SkeletonLogError, match="name the order with --joints"):
+        read(arrays, saved(np.save, points))
+
+
+def matrices(*, by_columns):
+    """Return matrices (T, 20, 4, 4) whose origins are a person's joints."""
+    axes = np.tile(np.eye(4), (*person().shape[:2], 1, 1))
+    axes[..., :3, 3] = person()
+    return axes.swapaxes(2, 3) if by_columns else axes
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        saved(np.save, matrices(by_columns=False)),
+        saved(np.save, matrices(by_columns=True)),
+        saved(np.savez, **{f"joints_{axis}": person()[..., k] for k, axis in enumerate("xyz")}),
+        saved(savemat, {axis: person()[..., k] for k, axis in enumerate("XYZ")}),
+        saved(np.save, person().transpose(0, 2, 1).reshape(len(person()), -1)),
+        saved(
+            savemat,
+            {"body": {j: {axis: person()[:, k, a] for a, axis in enumerate("xyz")} for k, j in enumerate(JOINTS)}},
+        ),
+    ],
+)
+def test_positions_may_be_origins_of_matrices_or_have_their_axes_apart(read, content):
+    [clip] = read(arrays, content)
+    np.testing.assert_allclose(clip.positions, person(), atol=1e-9)

@@ -26,6 +26,8 @@ CONTENTS = {
     "columns day, open, close": b"day,open,close\n1,2,3\n2,3,4\n",
     "columns speed, weight": b"speed,weight,age\n" + 99 * b"1,2,3\n",
     "binary": bytes(range(256)) * 9,
+    "right_knee_angle, velocity: angles, which give no positions": b"time,left_knee_angle,right_knee_angle,velocity\n"
+    + 9 * b"1,2,3,4\n",
     "no z": b"time,left_shoulder_x,left_shoulder_y\n1,2,3\n2,3,4\n",
     "lines such as 'some notes'": b"some notes\n",
     "columns Time (s), Motion": b"Time (s),Motion\n0.0,1.5\n1.0,1.25\n2.0,1.5\n",

@@ -1,6 +1,7 @@
 """JSON of trackers is read in the forms in which programs write it."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -137,16 +138,6 @@ def test_poses_may_have_the_names_of_pictures(read, form):
     np.testing.assert_allclose(clip.positions[:, ARMS], person()[:, ARMS], atol=1e-9)
 
 
-def test_rows_of_csv_may_have_all_points_in_a_cell(read):
-    times = np.arange(len(POINTS)) / 20
-    rows = [f'{time},"{json.dumps(listed(pose))}"' for time, pose in zip(times, POINTS, strict=True)]
-    content = "\n".join(["Timestamp,Pose", "-0.05,[]", *rows]) + "\n"
-    assert landmarks_json.matches(content.encode())
-    [clip] = read(landmarks_json, content)
-    np.testing.assert_allclose(clip.positions[:, ARMS], person()[:, ARMS], atol=1e-9)
-    np.testing.assert_allclose(clip.times, times)
-
-
 def test_a_document_may_be_one_frame(read):
     [clip] = read(landmarks_json, json.dumps(FORMS["world"](POINTS[0])))
     np.testing.assert_allclose(clip.positions[0, ARMS], person()[0, ARMS], atol=1e-9)
@@ -233,6 +224,7 @@ PLANE, SPACE = [[float(k), k / 3] for k in range(21)], [[float(k), k / 3, k * k 
         ({"train": [{"points": list(range(34)), "label": 2}] * 3}, "positions in an image"),
         ([{"roll": 1.5, "accX": [1, 2, 3]}] * 9, ", a list of 9 with the keys roll, accX, without positions in space"),
         ({"poses": [{"base": [0, 0, 1], "joints": {"hip": 0.5}}]}, "keys poses, without positions in space"),
+        ([{"frame": 1, "knee_angle": 177, "elbow_angle": [1, 2, 3]}] * 9, "without positions in space: angles"),
     ],
 )
 def test_a_document_without_a_person_is_called_what_it_has(read, document, found):
@@ -267,3 +259,142 @@ def test_headsets_name_joints_after_the_whole_body(read):
     [clip] = read(landmarks_json, json.dumps(frames))
     ends = [*ARMS, *(JOINT_INDEX[f"ankle_{side}"] for side in ("left", "right"))]
     np.testing.assert_allclose(clip.positions[:, ends], person()[:, ends], atol=1e-9)
+
+
+META = {
+    "Hips": "hip_center",
+    "SpineLower": "spine",
+    "Neck": "shoulder_center",
+    "Head": "head",
+    "LeftArmUpper": "shoulder_left",
+    "LeftArmLower": "elbow_left",
+    "LeftHandWrist": "wrist_left",
+    "LeftHandMiddleProximal": "hand_left",
+    "LeftPalm": "hand_left",
+    "LeftUpperLeg": "hip_left",
+    "LeftLowerLeg": "knee_left",
+    "LeftFootAnkle": "ankle_left",
+    "LeftFootBall": "foot_left",
+}
+META |= {name.replace("Left", "Right"): joint.replace("left", "right") for name, joint in META.items()}
+
+
+def quest():
+    """Return the positions of Meta Quest's body by the names of its joints; those that are not used are elsewhere."""
+    poses, points = person(), {}
+    for index, name in enumerate(JOINT_SETS["quest_84"]):
+        *words, side = name.split("_") if name.endswith(("left", "right")) else (*name.split("_"), "")
+        own = "".join(word.title() for word in (side, *words)).replace("FootAnkleTwist", "AnkleTwist")
+        own = own.replace("Wrist", "HandWrist").replace("Middle", "HandMiddle").replace("SpineHand", "Spine")
+        points[own] = poses[:, JOINT_INDEX[META.get(own, "spine")]] + 0.001 * index * (own not in META)
+    assert points.keys() >= META.keys()
+    return points
+
+
+@pytest.mark.parametrize("count", [70, 84])
+@pytest.mark.parametrize("form", ["bones by identity", "bones by number", "names of OpenXR", "array"])
+def test_meta_quests_body_is_read_with_names_or_numbers(read, form, count):
+    points = dict(list(quest().items())[:count])
+    frames = []
+    for index in range(len(person())):
+        own = [(name, place[index].tolist()) for name, place in points.items()]
+        if form == "names of OpenXR":
+            upper = [(re.sub("(?<=[a-z])(?=[A-Z])", "_", name).upper(), place) for name, place in own]
+            frames.append({"joints": {f"XR_BODY_JOINT_{name}_FB": {"position": place} for name, place in upper}})
+        elif form == "array":
+            frames.append([place for _, place in own])
+        else:
+            ids = [f"Body_{name}" if form == "bones by identity" else k for k, (name, _) in enumerate(own)]
+            bones = [
+                {"id": each, "pos": dict(zip("xyz", p, strict=True))} for each, (_, p) in zip(ids, own, strict=True)
+            ]
+            frames.append({"time": index / 72, "bones": bones[::-1]})
+    [clip] = read(landmarks_json, json.dumps(frames))
+    seen = [JOINT_INDEX[joint] for name, joint in META.items() if name in points]
+    np.testing.assert_allclose(clip.positions[:, seen], person()[:, seen], atol=1e-9)
+    assert (clip.confidence[:, [k for k in range(20) if k not in seen]] < 1).all()
+
+
+def matrix(point, *, by_columns):
+    axes = np.eye(4)
+    axes[:3, 3] = point
+    return (axes.T if by_columns else axes).tolist()
+
+
+COLUMNS = {
+    f"{joint}_{axis}": person()[:, k, a].tolist() for k, joint in enumerate(JOINTS) for a, axis in enumerate("xyz")
+}
+FRAMES = range(len(person()))
+
+
+@pytest.mark.parametrize(
+    "document",
+    [
+        [{"time": t / 30, **{name: values[t] for name, values in COLUMNS.items()}} for t in FRAMES],
+        {"data": [{"frame": t, **{name: values[t] for name, values in COLUMNS.items()}} for t in FRAMES]},
+        COLUMNS,
+        {name: {str(t): values[t] for t in FRAMES} for name, values in COLUMNS.items()},
+        {joint: {axis: COLUMNS[f"{joint}_{axis}"] for axis in "xyz"} for joint in JOINTS},
+        {"tracks": [{"name": joint, "positions": person()[:, k].tolist()} for k, joint in enumerate(JOINTS)]},
+        [
+            {joint: "({}, {}, {})".format(*point) for joint, point in zip(JOINTS, pose, strict=True)}
+            for pose in person()
+        ],
+        *(
+            [
+                {
+                    "joints": [
+                        {"name": joint, "transform": matrix(point, by_columns=by_columns)}
+                        for joint, point in zip(JOINTS, pose, strict=True)
+                    ]
+                }
+                for pose in person()
+            ]
+            for by_columns in (False, True)
+        ),
+        [
+            {
+                joint: {"modelTransform": {"columns": matrix(point, by_columns=True)}}
+                for joint, point in zip(JOINTS, pose, strict=True)
+            }
+            for pose in person()
+        ],
+        [
+            {
+                joint: [value for row in matrix(point, by_columns=True) for value in row]
+                for joint, point in zip(JOINTS, pose, strict=True)
+            }
+            for pose in person()
+        ],
+    ],
+)
+def test_a_document_may_be_a_table_or_have_points_as_texts_and_matrices(read, document):
+    content = json.dumps(document).encode()
+    assert landmarks_json.matches(content)
+    [clip] = read(landmarks_json, content)
+    np.testing.assert_allclose(clip.positions, person(), atol=1e-9)
+    np.testing.assert_allclose(clip.times - clip.times[0], np.arange(len(person())) / 30, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "document",
+    [
+        {"fps": 60, "frames": [dict(zip(JOINTS, pose.tolist(), strict=True)) for pose in person()]},
+        {"header": {"Frame Rate": 60}, "data": person().reshape(len(person()), -1).tolist()},
+        {"sampleRate": 60.0, "frames": [dict(zip("xyz", pose.T.tolist(), strict=True)) for pose in person()]},
+        {
+            "frame_rate": 60,
+            "frames": [
+                {"bodies": [{"joint_orientations": [[1, 0, 0, 0]] * 20, "joint_positions": pose.tolist()}]}
+                for pose in person()
+            ],
+        },
+    ],
+)
+def test_a_document_states_its_rate_and_may_have_orientations_or_axes_apart(read, document):
+    [clip] = read(landmarks_json, json.dumps(document))
+    np.testing.assert_allclose(clip.positions, person(), atol=1e-9)
+    np.testing.assert_allclose(clip.times, np.arange(len(person())) / 60)
+    assert clip.notes[0] == "The file states 60 frames per second."
+    [clip] = read(landmarks_json, json.dumps(document), fps=10.0)
+    np.testing.assert_allclose(clip.times, np.arange(len(person())) / 10)

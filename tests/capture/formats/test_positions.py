@@ -280,13 +280,6 @@ def test_an_end_of_a_limb_that_is_often_too_far_away_is_lost_there(joint, stray,
     assert any(f"In 6 of 8 frames, {joint} is too far" in note for note in clip.notes)
 
 
-def test_a_head_that_hangs_down_from_the_neck_is_refused():
-    poses = person()
-    poses[:, JOINT_INDEX["head"]] = poses[:, JOINT_INDEX["shoulder_center"]] - [0, 0.2, 0]
-    with pytest.raises(SkeletonLogError, match="the head is below the shoulders"):
-        clip_of_positions(PATH, "table", JOINTS, poses, OPTIONS)
-
-
 @pytest.mark.parametrize("far", [1, 3])
 def test_few_frames_that_are_far_from_the_others_are_lost(far):
     poses = np.tile(person(4), (20, 1, 1))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -473,3 +474,59 @@ def test_the_first_joints_of_an_order_suffice(read):
     arms = [JOINT_INDEX[f"{joint}_{side}"] for joint in ("elbow", "wrist") for side in ("left", "right")]
     np.testing.assert_allclose(clip.positions[:, arms], person()[:, arms], atol=1e-9)
     assert np.isnan(clip.positions[:, JOINT_INDEX["knee_left"]]).all()
+
+
+def test_axes_may_follow_the_letter_of_a_position_beside_that_of_a_rotation(read):
+    header = ",".join(f"{joint}.{axis}" for joint in JOINTS for axis in ("px", "py", "pz", "rx", "ry", "rz", "rw"))
+    rows = np.concatenate([person(), np.full((*person().shape[:2], 4), 0.5)], axis=2).reshape(len(person()), -1)
+    [clip] = read(table, [header, *(",".join(map(str, row)) for row in rows)])
+    np.testing.assert_allclose(clip.positions, person(), atol=1e-9)
+
+
+def test_unit_quaternions_are_no_positions(tmp_path):
+    turns = scipy.spatial.transform.Rotation.random(9 * len(JOINTS), rng=0).as_quat().reshape(9, -1, 4)
+    path = tmp_path / "take.txt"
+    rows = ["\t".join(" ".join(map(str, each)) for each in frame) for frame in turns]
+    path.write_text("\n".join(["\t".join(JOINTS), *rows]))
+    with pytest.raises(SkeletonLogError, match="unit quaternion: rotations"):
+        table.read(path, ReadOptions())
+
+
+@pytest.mark.parametrize("stated", [["NO_OF_FRAMES\t4", "FREQUENCY\t100"], ["Trajectories", "100"], ["# fps: 100.0"]])
+def test_the_lines_above_may_state_the_rate(read, stated):
+    above = [*stated, "MARKER_NAMES\t" + "\t".join(JOINTS)]
+    [clip] = read(table, [*above, *("\t".join(map(str, row)) for row in person().reshape(len(person()), -1))])
+    np.testing.assert_allclose(clip.positions, person(), atol=1e-9)
+    np.testing.assert_allclose(clip.times, np.arange(len(person())) / 100)
+
+
+SPANISH = {
+    "shoulder": "hombro",
+    "elbow": "codo",
+    "wrist": "muneca",
+    "hip": "cadera",
+    "knee": "rodilla",
+    "ankle": "tobillo",
+}
+
+
+def test_sides_may_have_the_words_of_other_languages(read):
+    sides = {"left": "izq", "right": "der"}
+    own = {f"{part}_{side}": f"{SPANISH[part]}_{sides[side]}" for part in SPANISH for side in sides} | {
+        "head": "cabeza"
+    }
+    header = ",".join(f"{name}_{axis}" for name in own.values() for axis in "xyz")
+    rows = person()[:, [JOINT_INDEX[joint] for joint in own]].reshape(len(person()), -1)
+    [clip] = read(table, [header, *(",".join(map(str, row)) for row in rows)])
+    seen = [JOINT_INDEX[joint] for joint in own]
+    np.testing.assert_allclose(clip.positions[:, seen], person()[:, seen], atol=1e-9)
+
+
+def test_all_points_of_a_frame_may_be_a_list_in_a_cell(read):
+    times = np.arange(len(person())) / 20
+    rows = [f'{time},"{pose.tolist()}"' for time, pose in zip(times, joints_as(BLAZEPOSE), strict=True)]
+    [clip] = read(table, ["Timestamp,Pose", *rows, "0.25,[]"])
+    arms = [JOINT_INDEX[f"{joint}_{side}"] for joint in ("elbow", "wrist", "knee") for side in ("left", "right")]
+    np.testing.assert_allclose(clip.positions[:-1, arms], person()[:, arms], atol=1e-9)
+    np.testing.assert_allclose(clip.times[:-1], times)
+    assert (clip.confidence[-1] == 0).all()

@@ -40,6 +40,9 @@ MAX_STRETCH = 3.0
 """Maximum length of the last bone to the end of a limb, as a multiple of what was voted for; beyond it is something
 else."""
 
+MAX_OUTSIDE = 0.06
+"""Maximum distance of a joint from the nearest point inside the character, in largest extents."""
+
 BEND_WIDTH = 0.12
 """Distance along a bone up to which points show how a limb bends there, as a share of the bone's length."""
 
@@ -143,6 +146,7 @@ def voted_limbs(votes: Votes) -> list[VotedLimb]:
                 if len(of) >= least and (number == 0 or chances[number] >= MIN_CHANCE):
                     joints, points = np.median(votes.joints[of], axis=0), votes.points[of]
                     joints = _settled(joints, points) if number >= PARTS.index("arm") else joints
+                    joints = _inside(joints, votes.points, MAX_OUTSIDE * size)
                     limbs.append(VotedLimb(name, side, joints, chances, points))
     return limbs
 
@@ -185,6 +189,12 @@ def _settled(joints: Points, points: Points) -> Points:
         if len(far) >= MIN_FAR:
             settled[3] = (joints[3] + joints[2] + far.mean(axis=0)) / 2
     return settled
+
+
+def _inside(joints: Points, points: Points, apart: float) -> Points:
+    """Return joints (4, 3) of which those that are farther from all points (n, 3) are at the nearest one."""
+    away, nearest = scipy.spatial.cKDTree(points).query(joints)
+    return np.where(np.asarray(away)[:, None] > apart, points[nearest], joints)
 
 
 def _along(points: Points, joints: Points) -> tuple[NDArray[np.float64], Points]:

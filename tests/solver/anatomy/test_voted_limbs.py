@@ -57,6 +57,12 @@ def test_what_is_likelier_something_else_is_no_limb():
     assert_allclose(found[1].chances, [0, 0, 0.41, 0.59, 0, 0])
 
 
+def test_a_joint_that_is_far_outside_is_at_the_nearest_point_inside():
+    limbs = votes(("trunk", TRUNK, 200), ("leg", LEG, 60))
+    limbs.joints[200:, 0] = away = (0.4, 0.5, 0.2)
+    assert_allclose(voted_limbs(limbs)[1].joints[0], limbs.points[np.linalg.norm(limbs.points - away, axis=1).argmin()])
+
+
 def test_there_is_a_trunk_where_it_is_likeliest_if_no_point_says_so():
     limbs = votes(("head", TRUNK, 100), ("leg", LEG, 100))
     limbs.chances[:100, 0] += np.linspace(0, 0.2, 100)

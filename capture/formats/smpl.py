@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from capture.body import TYPICAL_BONE_METRES as _METRES
 from capture.clip import SkeletonClip
@@ -112,6 +111,8 @@ def parameters(arrays: Mapping[str, Any]) -> Parameters | None:
 
 def _rows(values: Any) -> Floats | None:
     """Return the rows of numbers with a fraction that values are, matrices as rotation vectors; None of others."""
+    from scipy.spatial.transform import Rotation  # importing it takes a while
+
     try:
         rows = np.asarray(values)
         if rows.dtype.kind == "f" and rows.ndim == 4 and rows.shape[2:] == (3, 3):
@@ -195,6 +196,8 @@ def positions(poses: Floats, translations: Floats) -> tuple[list[str], Floats]:
     translations : (T, 3) float64
         Metres.
     """
+    from scipy.spatial.transform import Rotation  # importing it takes a while
+
     placed: dict[str, Floats] = {}
     turned: dict[str, Rotation] = {}
     for index, (joint, (parent, offset)) in enumerate(REST.items()):

@@ -114,7 +114,7 @@ DOG_ENDS = {
         ([*DOG[:-1], *TAPERING], DOGS, {"tail": (0.0, 1.0, -2.86)} | DOG_ENDS),
         (
             [*DOG, *WINGS],
-            ["trunk", "neck", *DOGS[1:-1], "left wing", "right wing", "tail"],
+            [*DOGS[:-1], "left wing", "right wing", "tail"],
             {"left wing": (1.5, 2.4, -0.1), "right wing": (-1.5, 2.4, -0.1)} | DOG_ENDS,
         ),
         (

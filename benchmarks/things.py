@@ -1,6 +1,6 @@
 """Things that characters hold and wear, for `benchmarks.posed_bodies`: swords, shields, hats, bags, capes and skirts.
 
-They have no joints. A network that has seen characters without them only takes a sword for a limb.
+They have no joints. A network that has never seen a sword takes it for a limb.
 """
 
 from collections.abc import Iterator, Sequence

@@ -20,9 +20,11 @@ from engine_bridge.character import examples
 from engine_bridge.character.materials import drawn_normals, materials_of
 from engine_bridge.performance.prepared_character import load_prepared
 from engine_bridge.pictures.camera import Camera
-from engine_bridge.pictures.gpu_renderer import GpuRenderer
-from engine_bridge.pictures.gpu_scene import StageExtent, Surroundings
+from engine_bridge.pictures.film_renderer import FilmRenderer
+from engine_bridge.pictures.geometry import geometry
 from engine_bridge.pictures.renderer import View, render
+from engine_bridge.pictures.surroundings import StageExtent, Surroundings
+from engine_bridge.pictures.textures import textures
 
 SIZE = (1280, 720)
 ROUNDS = 5
@@ -63,29 +65,24 @@ def measure_frame(folder: Path) -> None:
     together = np.concatenate(both).astype(float)
     triangles = np.concatenate([character.triangles, character.triangles + len(vertices)])
     camera = Camera(np.array([0.6, 1.4, 5.0]), np.array([0.0, 0.85, 0.0]), 30)
-    with GpuRenderer(SIZE) as renderer:
-        drawn = [renderer.add(character.parts, materials_of(character)) for _ in both]
-        grey = np.full((2, 2, 4), 230, np.uint8)
-        around = Surroundings(renderer.picture(grey), renderer.tile(grey))
-        stage = StageExtent(np.zeros(3), 1.6, 1.7, 1.6)
+    drawn = geometry([(character.parts, materials_of(character))] * 2)
+    grey = np.full((2, 2, 4), 230, np.uint8)
+    around = Surroundings(grey, textures([grey], np.linspace(0, 1, 256, dtype=np.float32)))
+    stage, renderer = StageExtent(np.zeros(3), 1.6, 1.7, 1.6), FilmRenderer(SIZE)
 
-        def draw() -> None:
-            for _ in range(FRAMES_PER_ROUND):
-                for each, places in zip(drawn, both, strict=True):
-                    each.move(places, normals)
-                renderer.draw(camera, stage, drawn, around)
+    def draw() -> None:
+        for _ in range(FRAMES_PER_ROUND):
+            renderer.draw(camera, stage, drawn, [(places, normals) for places in both], around)
 
-        def draw_sheet() -> None:
-            render(together, triangles, View.around(together, size=SIZE), SIZE)
+    def draw_sheet() -> None:
+        render(together, triangles, View.around(together, size=SIZE), SIZE)
 
-        draw()
-        draw_sheet()
-        seconds = [(processor_seconds(draw) / FRAMES_PER_ROUND, processor_seconds(draw_sheet)) for _ in range(ROUNDS)]
-        ours, sheets = np.min(seconds, axis=0)
-        print(f"{renderer.device}, {2 * len(vertices):,} vertices, {SIZE[0]} × {SIZE[1]}")
-        print(
-            f"a frame: {1000 * ours:.0f} ms of processor time; the renderer of contact sheets: {1000 * sheets:.0f} ms"
-        )
+    draw()
+    draw_sheet()
+    seconds = [(processor_seconds(draw) / FRAMES_PER_ROUND, processor_seconds(draw_sheet)) for _ in range(ROUNDS)]
+    ours, sheets = np.min(seconds, axis=0)
+    print(f"{2 * len(vertices):,} vertices, {SIZE[0]} × {SIZE[1]}")
+    print(f"a frame: {1000 * ours:.0f} ms of processor time; the renderer of contact sheets: {1000 * sheets:.0f} ms")
 
 
 def measure_film(folder: Path) -> None:

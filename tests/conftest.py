@@ -111,12 +111,6 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     return Scheduling(config, log)
 
 
-@pytest.fixture(scope="session")
-def opengl() -> None:
-    """Leave out tests that draw with OpenGL where there is none."""
-    found("opengl")
-
-
 @pytest.fixture
 def until_end() -> Iterator[Callable[[Any], Any]]:
     """Return a function that returns what it is given, and closes it at the end of the test."""

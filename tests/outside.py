@@ -73,17 +73,6 @@ def _data() -> Path | None:
     return Path(folder) if folder and Path(folder).is_dir() else None
 
 
-def _opengl() -> bool:
-    from engine_bridge.pictures.gpu_renderer import GpuRenderer
-    from puppetline.errors import OutputError
-
-    try:
-        with GpuRenderer((16, 16)):
-            return True
-    except OutputError:
-        return False
-
-
 @cache
 def load_players() -> ModuleType:
     """Return the module benchmarks/players.py, which plays a .glb in other programs."""
@@ -130,7 +119,6 @@ OUTSIDE = {
     "godot": Outside("Godot 4.3 or newer", "put `godot` on PATH, or set GODOT to its path", _godot),
     "mono": Outside("Mono and its compiler", "Debian: mono-mcs mono-runtime", _mono),
     "node": Outside("node and tests/peers/node_modules", "make peers", _node),
-    "opengl": Outside("OpenGL", "Debian: libegl1 libgl1 libgl1-mesa-dri", _opengl),
     "openni": Outside("OpenNI2", "Debian: g++ libopenni2-0 libopenni2-dev", _openni),
     "realsense": Outside("librealsense", "Debian: libusb-1.0-0", _realsense),
     "vulkan": Outside("Godot with Vulkan on the processor", "Debian: mesa-vulkan-drivers", _vulkan),
@@ -141,7 +129,7 @@ OUTSIDE = {
 PLAYERS = {"Blender": "blender", "three.js": "node", "Babylon.js": "node", "Godot": "godot", "assimp": "assimp"}
 """What the parameters of tests with the fixture `player` need."""
 
-FIXTURES = {key: key for key in ("browser", "camera", "freenect", "godot", "mono", "node", "opengl", "vulkan")}
+FIXTURES = {key: key for key in ("browser", "camera", "freenect", "godot", "mono", "node", "vulkan")}
 FIXTURES |= {"openni_folder": "openni", "real_data": "data", "screen": "xvfb", "virtual_realsense": "realsense"}
 """The part of `OUTSIDE` for which each fixture stands."""
 

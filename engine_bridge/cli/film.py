@@ -62,8 +62,7 @@ def film(
 def describe(summary: "FilmSummary") -> str:
     """Return the summary of a film as lines of text."""
     lines = [f"{summary.output}: {summary.frames:,} frames, {summary.seconds:.1f} s, {summary.bytes / 1e6:.1f} MB"]
-    if summary.device:
+    if summary.width:
         sound = f", {summary.sounds} sound track{'s' * (summary.sounds != 1)}" if summary.sounds else ""
         lines.append(f"  picture        {summary.width} × {summary.height} at {summary.fps:g} per second{sound}")
-        lines.append(f"  drawn by       {summary.device}")
     return "\n".join([*lines, *(f"  note: {note}" for note in summary.notes)])

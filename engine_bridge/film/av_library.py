@@ -2,7 +2,6 @@
 
 from typing import Any
 
-from engine_bridge.pictures.gpu_context import INSTALL
 from puppetline.errors import OutputError
 
 
@@ -18,6 +17,9 @@ def require_av() -> Any:
         import av
     except ImportError:
         raise OutputError(
-            "film", found="no PyAV", expected="the extra film, which writes videos", fix=INSTALL
+            "film",
+            found="no PyAV",
+            expected="the extra film, which writes videos",
+            fix="Install it: pip install 'puppetline[film]'.",
         ) from None
     return av

@@ -1,8 +1,10 @@
 """Drawing of films: what a frame shows, and the canvas that makes its pixels."""
 
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Generator, Iterable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,14 +18,17 @@ from engine_bridge.film.painting import BOTTOM, PERIOD, TOP
 from engine_bridge.film.scene import DEFAULT_SET, Scene
 from engine_bridge.film.sets import SETS, panorama
 from engine_bridge.pictures.camera import Camera
-from engine_bridge.pictures.gpu_renderer import GpuRenderer
-from engine_bridge.pictures.gpu_scene import Overlay, Panorama, StageExtent, Surroundings
+from engine_bridge.pictures.film_renderer import FilmRenderer
+from engine_bridge.pictures.geometry import Geometry, geometry
+from engine_bridge.pictures.surroundings import Overlay, Panorama, StageExtent, Surroundings
+from engine_bridge.pictures.textures import Textures, textures
+from puppetline.child_process import processor_count
 
-if TYPE_CHECKING:
-    import moderngl
+MAX_THREADS = 8
+"""Maximum number of frames that are drawn at a time, each with 50 MB of memory: more draw faster than one encodes."""
 
-Characters = Sequence[tuple[Sequence[Part], Sequence[Appearance]]]
-"""The parts of characters, and their materials."""
+AHEAD = 2
+"""Number of frames per thread that wait for being drawn or taken."""
 
 ShownPicture = tuple[NDArray[np.uint8], float, tuple[float, float, float, float]]
 """A bubble or title in a frame: its pixels (h, w, 4), opacity, and edges as shares of the frame."""
@@ -48,7 +53,7 @@ class ShownFrame(NamedTuple):
 
 
 class Canvas:
-    """Draws frames of a scene.
+    """Draws frames of a scene, in any number of threads.
 
     Parameters
     ----------
@@ -59,48 +64,62 @@ class Canvas:
         Width and height, in pixels.
     samples : int
         Samples per pixel for edges.
+    stage : StageExtent
+        The space of all motion.
+    characters : sequence of (parts, materials)
 
     Raises
     ------
-    PuppetlineError
-        There is no graphics library, or the background picture cannot be opened.
+    SceneError
+        The background picture cannot be opened.
     """
 
-    def __init__(self, scene: Scene, path: Path, size: tuple[int, int], samples: int) -> None:
-        self.setup = scene, path, size, samples
-        self.renderer = GpuRenderer(size, samples)
-        self._around = _surroundings(scene, self.renderer, path)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.renderer.__exit__()
-
-    def add(self, stage: StageExtent, characters: Characters) -> None:
-        """Set the space of all motion, and the characters."""
-        self._stage = stage
-        self._surfaces = [self.renderer.add(*each) for each in characters]
+    def __init__(
+        self,
+        scene: Scene,
+        path: Path,
+        size: tuple[int, int],
+        samples: int,
+        stage: StageExtent,
+        characters: Sequence[tuple[Sequence[Part], Sequence[Appearance]]],
+    ) -> None:
+        self._size, self._samples, self._stage = size, samples, stage
+        self._around = surroundings(scene, path, size)
+        self._geometry: Geometry = geometry(characters)
+        self._idle = deque[FilmRenderer]()
 
     def draw(self, frame: ShownFrame) -> NDArray[np.uint8]:
         """Return the pixels (h, w, 4) of a frame."""
-        for surface, (positions, normals) in zip(self._surfaces, frame.surfaces, strict=True):
-            surface.move(positions, normals)
-        drawn = [self._draw_view(view) for view in frame.views]
+        renderer = self._idle.pop() if self._idle else FilmRenderer(self._size, self._samples)
+        drawn = [self._draw_view(renderer, frame, view) for view in frame.views]
+        self._idle.append(renderer)
         if [view.share for view in frame.views] == [1]:
             return drawn[0]
         mixed = sum(np.float32(view.share) * each for each, view in zip(drawn, frame.views, strict=True))
         return np.rint(mixed).astype(np.uint8)
 
-    def _draw_view(self, view: ShownView) -> NDArray[np.uint8]:
-        over = [Overlay(self.renderer.picture(pixels), opacity, edges) for pixels, opacity, edges in view.pictures]
-        pixels = self.renderer.draw(view.camera, self._stage, self._surfaces, self._around, over)
-        for each in over:
-            each.picture.release()
-        return pixels
+    def _draw_view(self, renderer: FilmRenderer, frame: ShownFrame, view: ShownView) -> NDArray[np.uint8]:
+        over = [Overlay(*each) for each in view.pictures]
+        return renderer.draw(view.camera, self._stage, self._geometry, frame.surfaces, self._around, over)
 
 
-def _surroundings(scene: Scene, renderer: GpuRenderer, path: Path) -> Surroundings:
+def draw_in_order(frames: Iterable[ShownFrame], canvas: Canvas) -> Generator[NDArray[np.uint8], None, None]:
+    """Yield the pixels (h, w, 4) of frames, of which several are drawn at a time."""
+    count = min(processor_count(), MAX_THREADS)
+    waiting = deque[Future[NDArray[np.uint8]]]()
+    with ThreadPoolExecutor(count) as threads:
+        try:
+            for frame in frames:
+                waiting.append(threads.submit(canvas.draw, frame))
+                if len(waiting) > AHEAD * count:
+                    yield waiting.popleft().result()
+            while waiting:
+                yield waiting.popleft().result()
+        finally:
+            threads.shutdown(cancel_futures=True)
+
+
+def surroundings(scene: Scene, path: Path, size: tuple[int, int]) -> Surroundings:
     """Return the background, the floor and the light of a scene file.
 
     Raises
@@ -110,13 +129,13 @@ def _surroundings(scene: Scene, renderer: GpuRenderer, path: Path) -> Surroundin
     """
     chosen, color = scene.background.shown_set, scene.floor.color
     painted = SETS[chosen or DEFAULT_SET]
-    background: moderngl.Texture | Panorama
+    background: NDArray[np.uint8] | Panorama
     if chosen is None:
-        background = renderer.picture(overlays.background(scene.background, renderer.size, path))
+        background = overlays.background(scene.background, size, path)
     else:
-        background = Panorama(renderer.tile(panorama(chosen)), PERIOD, TOP, BOTTOM)
+        background = Panorama(panorama(chosen), PERIOD, TOP, BOTTOM)
     floor = None if scene.background.picture else painted.floor()
     if color is not None:
         floor = np.full((1, 1, 4), (*ImageColor.getrgb(color)[:3], 255), np.uint8)
-    tile = None if floor is None else renderer.tile(floor)
+    tile: Textures | None = None if floor is None else textures([floor], np.linspace(0, 1, 256, dtype=np.float32))
     return Surroundings(background, tile, scene.floor.show, lighting_of(scene))

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,8 +17,7 @@ from engine_bridge.film import overlays
 from engine_bridge.film.actor import Actor
 from engine_bridge.film.av_library import require_av
 from engine_bridge.film.bubbles import Bubble, bubbles_of
-from engine_bridge.film.drawing import WHOLE_FRAME, Canvas, ShownFrame, ShownPicture, ShownView
-from engine_bridge.film.drawing_process import DrawingProcess, draw_in_order, processes_beside
+from engine_bridge.film.drawing import WHOLE_FRAME, Canvas, ShownFrame, ShownPicture, ShownView, draw_in_order
 from engine_bridge.film.framing import Extent, View
 from engine_bridge.film.plan import FilmPlan
 from engine_bridge.film.production import Production, Progress, measure
@@ -26,7 +25,7 @@ from engine_bridge.film.scene import Scene, SceneError, load
 from engine_bridge.film.sound import SAMPLE_RATE, Mixer
 from engine_bridge.film.video import FORMATS, VideoWriter
 from engine_bridge.performance.channels import morph_weights
-from engine_bridge.pictures.gpu_renderer import SAMPLES
+from engine_bridge.pictures.film_renderer import SAMPLES
 from puppetline.errors import at
 from puppetline.files import check_one_of, written_whole
 from solver.model.binding import ShadedBinding
@@ -45,7 +44,7 @@ ENDINGS = (*FORMATS, ".glb")
 class FilmSummary:
     """Result of a film.
 
-    `device` is what drew the frames. A .glb has no device, size and sounds.
+    A .glb has no size and no sounds.
     """
 
     output: str
@@ -57,7 +56,6 @@ class FilmSummary:
     width: int = 0
     height: int = 0
     sounds: int = 0
-    device: str = ""
 
 
 def check_output(output: Path, scene: Path) -> None:
@@ -95,8 +93,6 @@ def make_video(
     with ExitStack() as opened:
         ending = output.suffix.lower()
         size = _size(scene, draft, ending)
-        canvas = opened.enter_context(Canvas(scene, path, size, 1 if draft else SAMPLES))
-        others = [opened.enter_context(DrawingProcess(canvas)) for _ in range(processes_beside(canvas))]
         for number, title in enumerate(scene.title, 1):
             overlays.title(title, size, at(path, field=f"[[title]] {number}"), path.parent)
         bubbles = bubbles_of(scene, size, path)
@@ -104,15 +100,13 @@ def make_video(
         numbers = _numbers(production, start, stop, draft, ending)
         mixer = Mixer(production.sounds if FORMATS[ending].sound else (), path, production.seconds, scene.music)
         frames = _Frames(production, extents, bubbles, size)
-        canvas.add(frames.stage, frames.characters)
-        for other in others:
-            other.send((frames.stage, frames.characters))
+        canvas = Canvas(scene, path, size, 1 if draft else SAMPLES, frames.stage, frames.characters)
         samples = [canvas.draw(frames[number]) for number in _samples(numbers, ending)]
         beside = opened.enter_context(written_whole(output))
         fps = production.fps / numbers.step
         writer = opened.enter_context(VideoWriter(beside, size, fps, sound=bool(mixer), samples=samples))
         mixer.skip(round(numbers.start / production.fps * SAMPLE_RATE))
-        drawn = draw_in_order((frames[number] for number in numbers), canvas, others)
+        drawn = opened.enter_context(closing(draw_in_order((frames[number] for number in numbers), canvas)))
         _write(numbers, production.fps, drawn, mixer, writer, progress)
     notes = (*production.notes, *mixer.notes)
     if mixer.peak > 1:
@@ -125,7 +119,6 @@ def make_video(
         height=size[1],
         fps=fps,
         sounds=len(mixer),
-        device=canvas.renderer.device,
         bytes=output.stat().st_size,
         notes=notes,
     )
@@ -202,7 +195,7 @@ class _Frames:
     stage : StageExtent
         The space of all motion.
     characters : list of (parts, materials)
-        What `Canvas.add` takes.
+        What `Canvas` takes.
     """
 
     def __init__(

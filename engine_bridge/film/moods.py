@@ -2,7 +2,7 @@
 
 from engine_bridge.film.scene import DEFAULT_SET, Mood, SetTables
 from engine_bridge.film.sets import SETS
-from engine_bridge.pictures.gpu_scene import Lighting
+from engine_bridge.pictures.surroundings import Lighting
 
 MOODS: dict[Mood, Lighting] = {
     "day": Lighting(),

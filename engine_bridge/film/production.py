@@ -25,7 +25,7 @@ from engine_bridge.film.takes import (
 from engine_bridge.performance.frame_store import evenly
 from engine_bridge.performance.prepared_character import PreparedCharacter, load_prepared
 from engine_bridge.performance.settings import Settings
-from engine_bridge.pictures.gpu_scene import StageExtent
+from engine_bridge.pictures.surroundings import StageExtent
 from engine_bridge.puppet import puppet_file
 from puppetline.errors import PuppetlineError, at
 from solver.model.binding import Binding

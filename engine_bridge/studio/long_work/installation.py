@@ -9,7 +9,7 @@ from importlib.util import find_spec
 from engine_bridge.studio.long_work.worker import Progress
 from puppetline.errors import ServiceError
 
-MODULES = {"camera": ("mediapipe", "cv2"), "film": ("moderngl", "av"), "sound": ("sounddevice",)}
+MODULES = {"camera": ("mediapipe", "cv2"), "film": ("av",), "sound": ("sounddevice",)}
 """Modules that each extra brings."""
 
 ABOUT_PACKAGES = {"camera": 38, "film": 3, "sound": 3}

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from engine_bridge.film.scene import CharacterTable, SetTables, TakeTable
-from engine_bridge.pictures.gpu_scene import Lighting
+from engine_bridge.pictures.surroundings import Lighting
 from engine_bridge.studio.messages.base import Request, Seconds
 from puppetline.toml_schema import Table
 

@@ -166,7 +166,7 @@ def starts_and_stops(running, arguments):
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if any(commands(page))], ids=name_of)
-def test_the_commands_of_a_page_run(page, folder, service, ran, request, monkeypatch, opengl):
+def test_the_commands_of_a_page_run(page, folder, service, ran, request, monkeypatch):
     monkeypatch.chdir(folder)
     for name in ("STATE", "DATA"):
         monkeypatch.setenv(f"XDG_{name}_HOME", str(folder / name))

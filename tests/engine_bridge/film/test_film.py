@@ -8,13 +8,14 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from engine_bridge.character import own_targets
+from engine_bridge.film import drawing
 from engine_bridge.film import film as films
 from engine_bridge.film.drawing import Canvas
 from engine_bridge.film.film import make_video
 from engine_bridge.film.production import produce
 from engine_bridge.film.scene import SceneError, load
 from engine_bridge.film.sound import SAMPLE_RATE
-from engine_bridge.pictures.gpu_renderer import GpuRenderer
+from engine_bridge.film.video import VideoWriter
 from puppetline.errors import OutputError
 
 from ..refusals import refused
@@ -50,10 +51,23 @@ at = 0.5
 """
 FRAMES = 10 + 39
 
+SHOTS = """
+[[title]]
+text = "a"
+seconds = 1
 
-@pytest.fixture(scope="session", autouse=True)
-def _opengl(opengl):
-    """All tests here draw."""
+[[bubble]]
+character = "a"
+text = "a"
+at = 0.5
+
+[[camera]]
+
+[[camera]]
+at = 1
+shot = "follow"
+fade = 0.5
+"""
 
 
 def read_video(path):
@@ -85,6 +99,7 @@ def test_every_frame_of_the_longest_take_is_in_the_video_and_every_second_one_in
 
 @pytest.mark.slow
 def test_a_part_shows_the_same_frames_as_the_whole_film(write_scene, tmp_path, monkeypatch):
+    monkeypatch.setattr(drawing, "processor_count", lambda: 1)
     shown = []
     look, draw = films._Frames.__getitem__, Canvas.draw
     monkeypatch.setattr(films._Frames, "__getitem__", lambda frames, frame: (frame, look(frames, frame)))
@@ -147,16 +162,19 @@ def test_an_interrupt_leaves_no_file(write_scene, tmp_path):
     assert {each.name for each in tmp_path.iterdir()} == {"scene.toml"}
 
 
-def test_without_a_graphics_library_the_message_says_what_to_install(write_scene, tmp_path, monkeypatch):
-    import moderngl
+def test_several_threads_draw_the_same_frames_as_one(write_scene, tmp_path, monkeypatch):
+    path, add, frames = write_scene(SCENE + SHOTS), VideoWriter.add, {1: [], 3: []}
+    for count, drawn in frames.items():
 
-    def none(**_):
-        raise RuntimeError("libEGL.so not loaded")
+        def keep(writer, pixels, sound, drawn=drawn):
+            drawn.append(pixels.copy())
+            add(writer, pixels, sound)
 
-    monkeypatch.setattr(moderngl, "create_context", none)
-    error = refused(OutputError, GpuRenderer, (16, 16))
-    assert "libEGL.so not loaded" in error.found
-    assert "apt install libegl1" in error.fix
+        monkeypatch.setattr(drawing, "processor_count", lambda count=count: count)
+        monkeypatch.setattr(VideoWriter, "add", keep)
+        make_video(path, tmp_path / f"{count}.mp4", 0, None, False, quiet)
+    assert len(frames[1]) > 10
+    assert_array_equal(np.stack(frames[3])[..., :3], np.stack(frames[1])[..., :3])
 
 
 @pytest.mark.parametrize(

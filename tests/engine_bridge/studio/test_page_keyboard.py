@@ -48,7 +48,7 @@ class Keyboard:
         chooser.value.set_files(file)
 
 
-def test_a_film_of_two_own_meshes_is_made_with_the_keyboard_alone(blob_file, opengl, browser, tmp_path):
+def test_a_film_of_two_own_meshes_is_made_with_the_keyboard_alone(blob_file, browser, tmp_path):
     meshes = [shutil.copy(blob_file, tmp_path / f"{name}.glb") for name in ("ada", "bob")]
     folder = tmp_path / "studio"
     folder.mkdir()

@@ -59,7 +59,7 @@ LEAST_GREY, LEAST_SOUND = 40, 0.1
 
 
 @pytest.fixture(scope="module")
-def studio(limbed_puppet, opengl, tmp_path_factory):
+def studio(limbed_puppet, tmp_path_factory):
     """A studio with two figures whose heads nod with the voice, a webcam, and a small film without takes."""
     folder = tmp_path_factory.mktemp("studio")
     head = 'joints = ["shoulder_center", "head"]\n'

@@ -108,7 +108,7 @@ def visited_screen(tmp_path_factory, blob_puppet, free_port):
 
 
 @pytest.fixture(scope="module")
-def film_screen(tmp_path_factory, take, blob_puppet, free_port, opengl):
+def film_screen(tmp_path_factory, take, blob_puppet, free_port):
     """The address of the screen of a kiosk where nobody is, and a visitor's film is offered."""
     folder = tmp_path_factory.mktemp("film")
     player = SimpleNamespace(character=SimpleNamespace(name="blob"), document=SimpleNamespace(path=blob_puppet), user=1)

@@ -107,7 +107,7 @@ def test_other_words_move_nobody_and_need_no_new_takes(planned, monkeypatch):
     assert [each.places for each in before.moments] == [each.places for each in after.moments]
 
 
-def test_a_film_is_made_of_the_takes_that_its_plan_has_solved(planned, monkeypatch, tmp_path, opengl):
+def test_a_film_is_made_of_the_takes_that_its_plan_has_solved(planned, monkeypatch, tmp_path):
     _, production = planned()
     monkeypatch.setattr("engine_bridge.film.production.produce", None)
     made = make_video(production.path, tmp_path / "film.gif", 0.0, 0.2, False, quiet)

@@ -1,16 +1,14 @@
-"""What `engine_bridge.pictures.gpu_renderer` draws around surfaces: the space, light, background and floor."""
+"""What a film's frame shows around characters: the space, light, background, floor, and pictures over it."""
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.pictures.lighting import KEY, SKY
 from engine_bridge.pictures.renderer import BOUNCE
-
-if TYPE_CHECKING:
-    import moderngl
+from engine_bridge.pictures.textures import Textures
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,20 +52,20 @@ class Lighting:
 
 
 class Overlay(NamedTuple):
-    """A picture over the frame, from `GpuRenderer.picture`, its opacity, and its edges as shares of the frame."""
+    """A picture (h, w, 4) over the frame, its opacity, and its edges as shares of the frame."""
 
-    picture: "moderngl.Texture"
+    picture: NDArray[np.uint8]
     opacity: float = 1.0
     place: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0)
 
 
 class Panorama(NamedTuple):
-    """A picture around the stage, from `GpuRenderer.tile`.
+    """A picture (h, w, 4) around the stage.
 
     It spans `period` degrees, after which it repeats, and elevations from `top` to `bottom` degrees.
     """
 
-    image: "moderngl.Texture"
+    image: NDArray[np.uint8]
     period: float
     top: float
     bottom: float
@@ -79,16 +77,16 @@ class Surroundings:
 
     Attributes
     ----------
-    background : moderngl.Texture or Panorama
-        A picture that covers the frame, from `GpuRenderer.picture`, or one that turns with the camera.
-    floor : moderngl.Texture or None
-        A picture that repeats on the floor, from `GpuRenderer.tile`; None for shadows on the background.
+    background : (h, w, 4) uint8 or Panorama
+        A picture that covers the frame, or one that turns with the camera.
+    floor : Textures or None
+        A picture that repeats on the floor; None for shadows on the background.
     has_floor : bool
         Whether there is a floor, with shadows.
     lighting : Lighting
     """
 
-    background: "moderngl.Texture | Panorama"
-    floor: "moderngl.Texture | None" = None
+    background: NDArray[np.uint8] | Panorama
+    floor: Textures | None = None
     has_floor: bool = True
     lighting: Lighting = field(default_factory=Lighting)

@@ -9,12 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.pictures.camera import Camera
+from engine_bridge.pictures.kernels import inner, kernel
 from engine_bridge.pictures.lamps import Lamps, encoded, irradiance
 from engine_bridge.pictures.surroundings import Overlay, Panorama
 from engine_bridge.pictures.textures import texture
-from puppetline.compiled import compiled
-
-inner, kernel = compiled(inner=True, counts=False), compiled(counts=False)
 
 GRID = 8
 """Distance in pixels between points of a panorama that are computed; between them it is interpolated."""

@@ -6,14 +6,68 @@ triangle's own size is divided out, is the inverse of the distance, and their sh
 coordinates in space.
 """
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
-from engine_bridge.pictures.geometry import BLEND, MASK
-from engine_bridge.pictures.lamps import encoded, irradiance
+from engine_bridge.pictures.geometry import BLEND, MASK, Surfaces
+from engine_bridge.pictures.kernels import inner, kernel
+from engine_bridge.pictures.lamps import Lamps, encoded, irradiance
 from engine_bridge.pictures.textures import texture
-from puppetline.compiled import compiled
 
-inner, kernel = compiled(inner=True, counts=False), compiled(counts=False)
+
+class Moment(NamedTuple):
+    """The characters at one moment, as a camera sees them.
+
+    Attributes
+    ----------
+    surfaces : Surfaces
+    points, normals : (n, 3) float32
+        Vertices and their unit normals.
+    seen : (n, 3) float32
+        Column and row of each vertex times its distance from the camera's plane, and this distance.
+    eye : (3,) float64
+        The camera.
+    near : float
+        Distance from the camera's plane of the nearest visible point.
+    side : float
+        1 to leave out what is below the floor, −1 what is above it, 0 nothing.
+    lamps : Lamps
+    at_vertices : (2 n, 3) float32
+        The light on both sides of each vertex, or its sRGB colour in it, where that is known already; NaN elsewhere.
+    """
+
+    surfaces: Surfaces
+    points: NDArray[np.float32]
+    normals: NDArray[np.float32]
+    seen: NDArray[np.float32]
+    eye: NDArray[np.float64]
+    near: float
+    side: float
+    lamps: Lamps
+    at_vertices: NDArray[np.float32]
+
+
+class Samples(NamedTuple):
+    """What is seen at samples of the pixels of a frame.
+
+    Attributes
+    ----------
+    places : (s, 2) float64
+        Column and row of the samples in a pixel.
+    nearness : (h, w, s) float32
+        Inverse distances, from the camera's plane, of the nearest triangles; 0 for none.
+    shown : (h, w, s) int32
+        Their numbers.
+    shares : (h, w, s, 2) float32
+        The first two of their barycentric coordinates there, divided by the distance.
+    """
+
+    places: NDArray[np.float64]
+    nearness: NDArray[np.float32]
+    shown: NDArray[np.int32]
+    shares: NDArray[np.float32]
 
 
 @inner
@@ -67,10 +121,10 @@ def _bounds(seen, triangles, t, near, window):
 
 
 @inner
-def _heights(points, triangles, t, side):
-    """Return the heights of a triangle's corners above the floor, if `side` is 1, or below it, if it is −1; 0 for 0."""
-    i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-    return side * points[i, 1], side * points[j, 1], side * points[k, 1]
+def _heights(moment, t):
+    """Return the heights of a triangle's corners on the visible side of the floor, or 0 if both are visible."""
+    i, j, k = moment.surfaces.triangles[t, 0], moment.surfaces.triangles[t, 1], moment.surfaces.triangles[t, 2]
+    return moment.side * moment.points[i, 1], moment.side * moment.points[j, 1], moment.side * moment.points[k, 1]
 
 
 @inner
@@ -84,11 +138,13 @@ def _shares(e, x, y):
 
 
 @inner
-def _texture_at(surfaces, e, t, x, y):
+def _texture_at(moment, t, x, y):
     """Return the linear colour and opacity of a triangle's texture at a point of the picture; white without one."""
+    surfaces = moment.surfaces
     image = surfaces.image[surfaces.part[t]]
     if image < 0:
         return 1.0, 1.0, 1.0, 1.0
+    e = _edges(moment.seen, surfaces.triangles, t)
     u, v, w, distance = _shares(e, x, y)
     i, j, k = surfaces.triangles[t, 0], surfaces.triangles[t, 1], surfaces.triangles[t, 2]
     uv, level = surfaces.uv, surfaces.textures.levels[image, 0]
@@ -105,17 +161,18 @@ def _texture_at(surfaces, e, t, x, y):
 
 
 @inner
-def _opacity(surfaces, e, t, x, y):
+def _opacity(moment, t, x, y):
     """Return the opacity of a triangle at a point of the picture."""
-    u, v, w, _ = _shares(e, x, y)
-    i, j, k = surfaces.triangles[t, 0], surfaces.triangles[t, 1], surfaces.triangles[t, 2]
-    own = u * surfaces.colors[i, 3] + v * surfaces.colors[j, 3] + w * surfaces.colors[k, 3]
-    return own * _texture_at(surfaces, e, t, x, y)[3]
+    triangles, colors = moment.surfaces.triangles, moment.surfaces.colors
+    u, v, w, _ = _shares(_edges(moment.seen, triangles, t), x, y)
+    own = u * colors[triangles[t, 0], 3] + v * colors[triangles[t, 1], 3] + w * colors[triangles[t, 2], 3]
+    return own * _texture_at(moment, t, x, y)[3]
 
 
 @inner
-def _seen_side(points, normals, eye, i, j, k):
+def _seen_side(moment, i, j, k):
     """Return 1 where normals of a triangle point to the viewer's side of it, −1 where not, whatever its winding."""
+    points, normals, eye = moment.points, moment.normals, moment.eye
     ax, ay, az = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
     bx, by, bz = points[k, 0] - points[i, 0], points[k, 1] - points[i, 1], points[k, 2] - points[i, 2]
     fx, fy, fz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
@@ -126,8 +183,9 @@ def _seen_side(points, normals, eye, i, j, k):
 
 
 @inner
-def _light(points, normals, lamps, side, i, j, k, u, v, w):
+def _light(moment, side, i, j, k, u, v, w):
     """Return the light on a point of a triangle with corners i, j, k and barycentric coordinates u, v, w."""
+    points, normals, lamps = moment.points, moment.normals, moment.lamps
     x = u * points[i, 0] + v * points[j, 0] + w * points[k, 0]
     y = u * points[i, 1] + v * points[j, 1] + w * points[k, 1]
     z = u * points[i, 2] + v * points[j, 2] + w * points[k, 2]
@@ -139,46 +197,47 @@ def _light(points, normals, lamps, side, i, j, k, u, v, w):
 
 
 @inner
-def _vertex(surfaces, points, normals, lamps, at_vertices, side, i, is_whole):
-    """Return the light on a vertex, on its side 1 or −1, or its sRGB colour in the light; it is computed once."""
-    row = 2 * i + (side < 0)
-    if np.isnan(at_vertices[row, 0]):
-        r, g, b = _light(points, normals, lamps, side, i, i, i, 1.0, 0.0, 0.0)
-        if is_whole:
-            colors = surfaces.colors
-            r, g, b = encoded(r * colors[i, 0]), encoded(g * colors[i, 1]), encoded(b * colors[i, 2])
-        at_vertices[row, 0], at_vertices[row, 1], at_vertices[row, 2] = r, g, b
-    return at_vertices[row, 0], at_vertices[row, 1], at_vertices[row, 2]
+def _from_vertices(moment, side, t, is_whole, u, v, w):
+    """Return the light on a point of a triangle, or its sRGB colour in it, interpolated between its vertices.
+
+    At each vertex, on its side 1 or −1, it is computed once.
+    """
+    triangles, colors, known = moment.surfaces.triangles, moment.surfaces.colors, moment.at_vertices
+    red, green, blue = 0.0, 0.0, 0.0
+    for k in range(3):
+        i = triangles[t, k]
+        row = 2 * i + (side < 0)
+        if np.isnan(known[row, 0]):
+            r, g, b = _light(moment, side, i, i, i, 1.0, 0.0, 0.0)
+            if is_whole:
+                r, g, b = encoded(r * colors[i, 0]), encoded(g * colors[i, 1]), encoded(b * colors[i, 2])
+            known[row, 0], known[row, 1], known[row, 2] = r, g, b
+        share = u if k == 0 else (v if k == 1 else w)
+        red, green, blue = red + share * known[row, 0], green + share * known[row, 1], blue + share * known[row, 2]
+    return red, green, blue
 
 
 @inner
-def _is_whole(surfaces, t):
-    """Return whether a triangle is coloured as a whole at its vertices."""
-    part = surfaces.part[t]
+def _is_whole(surfaces, part):
+    """Return whether a part is coloured as a whole at its vertices."""
     return surfaces.fine[part] and surfaces.image[part] < 0 and not surfaces.unlit[part]
 
 
 @inner
-def _shaded(surfaces, points, normals, seen, lamps, at_vertices, eye, t, x, y):
-    """Return the sRGB colour of a triangle at a point of the picture."""
-    e = _edges(seen, surfaces.triangles, t)
-    u, v, w, _ = _shares(e, x, y)
+def _shaded(moment, t, u, v, w, x, y):
+    """Return the sRGB colour of a triangle at barycentric coordinates (3), which are at a point of the picture."""
+    surfaces = moment.surfaces
     part = surfaces.part[t]
     i, j, k = surfaces.triangles[t, 0], surfaces.triangles[t, 1], surfaces.triangles[t, 2]
-    side = _seen_side(points, normals, eye, i, j, k) if surfaces.two_sided[part] else 1.0
+    side = _seen_side(moment, i, j, k) if surfaces.two_sided[part] else 1.0
+    if _is_whole(surfaces, part):
+        return _from_vertices(moment, side, t, True, u, v, w)
     red, green, blue = 1.0, 1.0, 1.0
-    if not surfaces.unlit[part]:
-        if surfaces.fine[part]:
-            is_whole = _is_whole(surfaces, t)
-            r1, g1, b1 = _vertex(surfaces, points, normals, lamps, at_vertices, side, i, is_whole)
-            r2, g2, b2 = _vertex(surfaces, points, normals, lamps, at_vertices, side, j, is_whole)
-            r3, g3, b3 = _vertex(surfaces, points, normals, lamps, at_vertices, side, k, is_whole)
-            red, green, blue = u * r1 + v * r2 + w * r3, u * g1 + v * g2 + w * g3, u * b1 + v * b2 + w * b3
-            if is_whole:
-                return red, green, blue
-        else:
-            red, green, blue = _light(points, normals, lamps, side, i, j, k, u, v, w)
-    r, g, b, _ = _texture_at(surfaces, e, t, x, y)
+    if surfaces.fine[part] and not surfaces.unlit[part]:
+        red, green, blue = _from_vertices(moment, side, t, False, u, v, w)
+    elif not surfaces.unlit[part]:
+        red, green, blue = _light(moment, side, i, j, k, u, v, w)
+    r, g, b, _ = _texture_at(moment, t, x, y)
     colors = surfaces.colors
     r *= red * (u * colors[i, 0] + v * colors[j, 0] + w * colors[k, 0])
     g *= green * (u * colors[i, 1] + v * colors[j, 1] + w * colors[k, 1])
@@ -187,28 +246,19 @@ def _shaded(surfaces, points, normals, seen, lamps, at_vertices, eye, t, x, y):
 
 
 @kernel
-def cover(surfaces, points, seen, side, near, window, places, nearness, shown):
-    """Find the nearest triangle at each sample of each pixel in a window, except for those that mix with others.
+def cover(moment, samples, window):
+    """Find the nearest triangle at each sample in a window, except for those that mix with what is behind them.
 
     Parameters
     ----------
-    surfaces : Surfaces
-    points : (n, 3) float32
-    seen : (n, 3) float32
-        Column and row of each point times its distance from the camera's plane, and this distance.
-    side : float
-        1 to leave out what is below the floor, −1 what is above it, 0 nothing.
-    near : float
-        Distance of the nearest visible point.
+    moment : Moment
+    samples : Samples
     window : tuple of 4 ints
         First column and row, and those after the last.
-    places : (s, 2) float64
-        Samples in a pixel.
-    nearness : (h, w, s) float32
-        Inverse distances of the triangles; 0 for none.
-    shown : (h, w, s) int32
-        Numbers of the triangles.
     """
+    surfaces, seen, near = moment.surfaces, moment.seen, moment.near
+    places, nearness, shown, shares = samples.places, samples.nearness, samples.shown, samples.shares
+    greatest = 1 / near
     triangles = surfaces.triangles
     nearness[window[1] : window[3], window[0] : window[2]] = 0
     for t in range(len(triangles)):
@@ -220,8 +270,8 @@ def cover(surfaces, points, seen, side, near, window, places, nearness, shown):
         left, right, top, bottom = _bounds(seen, triangles, t, near, window)
         if left > right or top > bottom:
             continue
-        e0, e1, e2, e3, e4, e5, e6, e7, e8 = e = _edges(seen, triangles, t)
-        ay, by, cy = _heights(points, triangles, t, side)
+        e0, e1, e2, e3, e4, e5, e6, e7, e8 = _edges(seen, triangles, t)
+        ay, by, cy = _heights(moment, t)
         is_cut = min(ay, by, cy) < 0
         for s in range(len(places)):
             dx, dy = places[s, 0], places[s, 1]
@@ -236,48 +286,52 @@ def cover(surfaces, points, seen, side, near, window, places, nearness, shown):
                         continue
                     inverse = np.float32(u + v + w)
                     if (
-                        nearness[row, column, s] < inverse <= 1 / near
+                        nearness[row, column, s] < inverse <= greatest
                         and not (is_cut and u * ay + v * by + w * cy < 0)
                         and not (
-                            opacity == MASK
-                            and _opacity(surfaces, e, t, column + 0.5, row + 0.5) < surfaces.cutoff[part]
+                            opacity == MASK and _opacity(moment, t, column + 0.5, row + 0.5) < surfaces.cutoff[part]
                         )
                     ):
                         nearness[row, column, s] = inverse
                         shown[row, column, s] = t
+                        shares[row, column, s, 0], shares[row, column, s, 1] = u, v
 
 
 @kernel
-def paint(surfaces, points, normals, seen, lamps, at_vertices, eye, window, places, nearness, shown, frame):
-    """Paint what `cover` has found over a frame (h, w, 4) uint8; see there and `irradiance` for the parameters."""
-    samples = len(places)
+def paint(moment, samples, window, frame):
+    """Paint what `cover` has found over a frame (h, w, 4) uint8."""
+    places, nearness, shown, shares = samples.places, samples.nearness, samples.shown, samples.shares
+    count_all = len(places)
     for row in range(window[1], window[3]):
         for column in range(window[0], window[2]):
             r, g, b, covered = 0.0, 0.0, 0.0, 0
             done = 0
-            for s in range(samples):
+            for s in range(count_all):
                 if nearness[row, column, s] == 0 or done >> s & 1:
                     continue
                 t = shown[row, column, s]
-                x, y, count = 0.0, 0.0, 0
-                for other in range(s, samples):
-                    if shown[row, column, other] == t and nearness[row, column, other] > 0:
+                u, v, x, y, count = 0.0, 0.0, 0.0, 0.0, 0
+                for other in range(s, count_all):
+                    near = nearness[row, column, other]
+                    if near > 0 and shown[row, column, other] == t:
                         done |= 1 << other
+                        u, v = u + shares[row, column, other, 0] / near, v + shares[row, column, other, 1] / near
                         x, y, count = x + places[other, 0], y + places[other, 1], count + 1
-                x, y = column + x / count, row + y / count
-                red, green, blue = _shaded(surfaces, points, normals, seen, lamps, at_vertices, eye, t, x, y)
+                u, v, x, y = u / count, v / count, column + x / count, row + y / count
+                red, green, blue = _shaded(moment, t, u, v, 1 - u - v, x, y)
                 r, g, b, covered = r + count * red, g + count * green, b + count * blue, covered + count
             if covered:
-                rest = 1 - covered / samples
-                frame[row, column, 0] = int(rest * frame[row, column, 0] + 255 * r / samples + 0.5)
-                frame[row, column, 1] = int(rest * frame[row, column, 1] + 255 * g / samples + 0.5)
-                frame[row, column, 2] = int(rest * frame[row, column, 2] + 255 * b / samples + 0.5)
+                rest = 1 - covered / count_all
+                frame[row, column, 0] = int(rest * frame[row, column, 0] + 255 * r / count_all + 0.5)
+                frame[row, column, 1] = int(rest * frame[row, column, 1] + 255 * g / count_all + 0.5)
+                frame[row, column, 2] = int(rest * frame[row, column, 2] + 255 * b / count_all + 0.5)
 
 
 @kernel
-def mix(surfaces, points, normals, seen, lamps, at_vertices, eye, side, near, window, places, nearness, chosen, frame):
-    """Mix some triangles (u,) with what is behind them in a frame (h, w, 4) uint8, one after another; see `paint`."""
-    triangles = surfaces.triangles
+def mix(moment, samples, window, chosen, frame):
+    """Mix some triangles (u,) with what is behind them in a frame (h, w, 4) uint8, one after another; see `cover`."""
+    surfaces, seen, near = moment.surfaces, moment.seen, moment.near
+    places, nearness, triangles, greatest = samples.places, samples.nearness, surfaces.triangles, 1 / near
     for t in chosen:
         size = _size(seen, triangles, t)
         if not (size < 0 or (size > 0 and surfaces.two_sided[surfaces.part[t]])):
@@ -286,7 +340,7 @@ def mix(surfaces, points, normals, seen, lamps, at_vertices, eye, side, near, wi
         if left > right or top > bottom:
             continue
         e = _edges(seen, triangles, t)
-        ay, by, cy = _heights(points, triangles, t, side)
+        ay, by, cy = _heights(moment, t)
         for row in range(int(top), min(int(bottom) + 1, window[3])):
             for column in range(int(left), min(int(right) + 1, window[2])):
                 px, py, count = 0.0, 0.0, 0
@@ -295,13 +349,14 @@ def mix(surfaces, points, normals, seen, lamps, at_vertices, eye, side, near, wi
                     u, v, w = e[0] * x + e[1] * y + e[2], e[3] * x + e[4] * y + e[5], e[6] * x + e[7] * y + e[8]
                     inverse = np.float32(u + v + w)
                     inside = min(u, v, w) >= 0 and u * ay + v * by + w * cy >= 0
-                    if inside and nearness[row, column, s] < inverse <= 1 / near:
+                    if inside and nearness[row, column, s] < inverse <= greatest:
                         nearness[row, column, s] = inverse
                         px, py, count = px + x, py + y, count + 1
                 if count:
                     px, py = px / count, py / count
-                    r, g, b = _shaded(surfaces, points, normals, seen, lamps, at_vertices, eye, t, px, py)
-                    a = _opacity(surfaces, e, t, px, py) * count / len(places)
+                    u, v, w, _ = _shares(e, px, py)
+                    r, g, b = _shaded(moment, t, u, v, w, px, py)
+                    a = _opacity(moment, t, px, py) * count / len(places)
                     frame[row, column, 0] = int((1 - a) * frame[row, column, 0] + 255 * a * r + 0.5)
                     frame[row, column, 1] = int((1 - a) * frame[row, column, 1] + 255 * a * g + 0.5)
                     frame[row, column, 2] = int((1 - a) * frame[row, column, 2] + 255 * a * b + 0.5)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from engine_bridge.pictures.backdrop import Rays, rays, show, show_floor, show_panorama, show_shadows
 from engine_bridge.pictures.camera import NEAR_SHARE, Camera
-from engine_bridge.pictures.drawing import cover, mix, paint
+from engine_bridge.pictures.drawing import Moment, Samples, cover, mix, paint
 from engine_bridge.pictures.geometry import Geometry
 from engine_bridge.pictures.lamps import SKY_PENUMBRA, lamps
 from engine_bridge.pictures.surroundings import Overlay, Panorama, StageExtent, Surroundings
@@ -39,10 +39,10 @@ class FilmRenderer:
 
     def __init__(self, size: tuple[int, int], samples: int = SAMPLES) -> None:
         self.size = size
-        self._places = PLACES[samples]
         width, height = size
-        self._nearness = np.empty((height, width, samples), np.float32)
-        self._shown = np.empty((height, width, samples), np.int32)
+        shape = height, width, samples
+        nearness, shares = np.empty(shape, np.float32), np.empty((*shape, 2), np.float32)
+        self._samples = Samples(PLACES[samples], nearness, np.empty(shape, np.int32), shares)
         self._behind = np.empty((height, width, 4), np.uint8)
         self._is_behind: tuple[object, ...] = ()
 
@@ -115,19 +115,23 @@ class FilmRenderer:
             window = self._window(_shadows(boxes, light.towards, SKY_PENUMBRA * stage.size), camera)
             show_shadows(frame, light, seen, window)
         window = self._window(boxes, camera)
-        projected = self._projected(points, camera)
-        # what is behind the floor is hidden
-        side = float(np.sign(camera.eye[1])) if around.has_floor else 0.0
-        near = NEAR_SHARE * float(np.linalg.norm(camera.eye - camera.target))
-        cut = side, near, window, self._places, self._nearness
-        cover(geometry.surfaces, points, projected, *cut, self._shown)
-        at_vertices = np.full((2 * len(points), 3), np.nan, np.float32)
-        surface = geometry.surfaces, points, normals, projected, light, at_vertices, seen.eye
-        paint(*surface, window, self._places, self._nearness, self._shown, frame)
+        moment = Moment(
+            geometry.surfaces,
+            points,
+            normals,
+            self._projected(points, camera),
+            seen.eye,
+            near=NEAR_SHARE * float(np.linalg.norm(camera.eye - camera.target)),
+            side=float(np.sign(camera.eye[1])) if around.has_floor else 0.0,  # what is behind the floor is hidden
+            lamps=light,
+            at_vertices=np.full((2 * len(points), 3), np.nan, np.float32),
+        )
+        cover(moment, self._samples, window)
+        paint(moment, self._samples, window, frame)
         away = np.linalg.norm(boxes.mean(axis=1) - camera.eye, axis=1)
         for number in np.argsort(-away, kind="stable"):
             if len(geometry.transparent[number]):
-                mix(*surface, *cut, geometry.transparent[number], frame)
+                mix(moment, self._samples, window, geometry.transparent[number], frame)
 
     def _projected(self, points: NDArray[np.float32], camera: Camera) -> NDArray[np.float32]:
         """Return the columns and rows of points (n, 3) times their distances from the camera's plane, and these."""

@@ -6,10 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.pictures.camera import orthographic
+from engine_bridge.pictures.kernels import inner, kernel
 from engine_bridge.pictures.surroundings import Lighting, StageExtent
-from puppetline.compiled import compiled
-
-inner, kernel = compiled(inner=True, counts=False), compiled(counts=False)
 
 KEY_SIZES, SKY_SIZE = (512, 1024, 2048), 128
 """Widths and heights of the depth maps of the key light, of which one is chosen, and of the sky, in texels."""

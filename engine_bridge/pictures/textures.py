@@ -6,9 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from puppetline.compiled import compiled
-
-inner = compiled(inner=True, counts=False)
+from engine_bridge.pictures.kernels import inner
 
 
 class Textures(NamedTuple):

@@ -95,12 +95,10 @@ def make_video(
         size = _size(scene, draft, ending)
         for number, title in enumerate(scene.title, 1):
             overlays.title(title, size, at(path, field=f"[[title]] {number}"), path.parent)
-        bubbles = bubbles_of(scene, size, path)
-        production, extents = measure(path, scene, progress)
+        frames, canvas = _frames(path, scene, size, 1 if draft else SAMPLES, progress)
+        production = frames.production
         numbers = _numbers(production, start, stop, draft, ending)
         mixer = Mixer(production.sounds if FORMATS[ending].sound else (), path, production.seconds, scene.music)
-        frames = _Frames(production, extents, bubbles, size)
-        canvas = Canvas(scene, path, size, 1 if draft else SAMPLES, frames.stage, frames.characters)
         samples = [canvas.draw(frames[number]) for number in _samples(numbers, ending)]
         beside = opened.enter_context(written_whole(output))
         fps = production.fps / numbers.step
@@ -122,6 +120,28 @@ def make_video(
         bytes=output.stat().st_size,
         notes=notes,
     )
+
+
+def first_frame(path: Path, progress: Progress) -> NDArray[np.uint8]:
+    """Return the first frame (h, w, 4) of a scene file; what is needed for it is ready if the film is made next.
+
+    Raises
+    ------
+    PuppetlineError
+    """
+    scene = load(path)
+    frames, canvas = _frames(path, scene, scene.film.size, SAMPLES, progress)
+    return canvas.draw(frames[0])
+
+
+def _frames(
+    path: Path, scene: Scene, size: tuple[int, int], samples: int, progress: Progress
+) -> tuple["_Frames", Canvas]:
+    """Return what the frames of a scene file show, and what draws them."""
+    bubbles = bubbles_of(scene, size, path)
+    production, extents = measure(path, scene, progress)
+    frames = _Frames(production, extents, bubbles, size)
+    return frames, Canvas(scene, path, size, samples, frames.stage, frames.characters)
 
 
 def _write(
@@ -192,6 +212,7 @@ class _Frames:
 
     Attributes
     ----------
+    production : Production
     stage : StageExtent
         The space of all motion.
     characters : list of (parts, materials)
@@ -201,7 +222,7 @@ class _Frames:
     def __init__(
         self, production: Production, extents: Mapping[str, Extent], bubbles: Sequence[Bubble], size: tuple[int, int]
     ) -> None:
-        self._production, self._bubbles, self._size = production, bubbles, size
+        self.production, self._bubbles, self._size = production, bubbles, size
         self._plan = FilmPlan(production, extents, bubbles, size)
         self.stage = production.stage(extents)
         self._surfaces = [_Surface(actor) for actor in production.actors]
@@ -225,7 +246,7 @@ class _Frames:
             yield pixels, opacity, edges
 
     def _shown_titles(self, frame: int) -> Iterator[ShownPicture]:
-        scene, path = self._production.scene, self._production.path
+        scene, path = self.production.scene, self.production.path
         for number, (table, opacity) in enumerate(zip(scene.title, self._plan.titles(frame), strict=True)):
             if opacity > 0:
                 if number not in self._titles:

@@ -1,6 +1,7 @@
 """Sets of films: a panorama around the stage, a floor and the mood of the light, all made by code."""
 
 from collections.abc import Callable
+from functools import cache
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -29,6 +30,7 @@ class PaintedSet(NamedTuple):
     mood: Mood
 
 
+@cache
 def panorama(name: FilmSet) -> NDArray[np.uint8]:
     """Paint what is around a set, (h, w, 4): `PERIOD` degrees, from `TOP` to `BOTTOM` degrees above the horizon."""
     painting = Painting(seed=sorted(SETS).index(name))

@@ -18,7 +18,7 @@ from engine_bridge.character import examples, own_targets
 from engine_bridge.export.convert import convert, describe
 from engine_bridge.export.performer import convert as performer_conversion
 from engine_bridge.export.shader_mesh import write_shader_mesh
-from engine_bridge.film.film import make_video
+from engine_bridge.film.film import first_frame, make_video
 from engine_bridge.film.sharing import share_video
 from engine_bridge.inspection import files, sensors
 from engine_bridge.performance.prepared_character import PreparedCharacter, prepared_of
@@ -222,6 +222,11 @@ def plan_film(progress: Progress, scene: Path) -> dict[str, Any]:
     return film_plans.plan_for_page(scene, progress).model_dump(mode="json")
 
 
+def begin_film(progress: Progress, scene: Path) -> None:
+    """Do what takes long before the first frame of a film can be drawn."""
+    first_frame(scene, progress)
+
+
 def share_film(_progress: Progress, video: Path) -> None:
     """Write a poster and a .gif beside a video."""
     share_video(video)
@@ -235,3 +240,7 @@ def install(progress: Progress, extra: str) -> None:
 def devices(_progress: Progress) -> list[dict[str, Any]]:
     """Return sensors, cameras, and the libraries that read them."""
     return [asdict(each) for each in sensors.examine()]
+
+
+AFTERWARDS = {"plan_film": begin_film}
+"""What a worker does after a task, with the same arguments, because it is probably needed next."""

@@ -4,7 +4,7 @@ The stream is not delayed meanwhile, and a file that crashes a library ends only
 
 A worker runs one task after another. It is started when it is needed, and again after it has died; cancelling a task
 ends it. A task is a function of the module `tasks`. It is called with a function for progress and with
-arguments that can be pickled, and returns JSON's types.
+arguments that can be pickled, and returns JSON's types. After some tasks, the worker does what is probably needed next.
 """
 
 import asyncio

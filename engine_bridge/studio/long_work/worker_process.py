@@ -6,6 +6,7 @@ import pickle
 import sys
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, BinaryIO
 
 from engine_bridge.studio.long_work import tasks
@@ -24,6 +25,9 @@ def main() -> None:
     while length := requests.read(LENGTH.size):
         task, arguments = pickle.loads(requests.read(*LENGTH.unpack(length)))  # noqa: S301 - the studio wrote it
         _send(outcomes, *_outcome(getattr(tasks, task), outcomes, arguments))
+        if task in tasks.AFTERWARDS:
+            with suppress(Exception):  # the task that needs it says what is wrong
+                tasks.AFTERWARDS[task](lambda *_: None, *arguments)
 
 
 def _outcome(task: Callable[..., Any], outcomes: BinaryIO, arguments: tuple[Any, ...]) -> tuple[str, Any]:

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from engine_bridge.film import scene as scenes
-from engine_bridge.film.film import make_video
+from engine_bridge.film.drawing import Canvas
+from engine_bridge.film.film import first_frame, make_video
 from engine_bridge.film.framing import Shots
 from engine_bridge.film.production import produce
 from engine_bridge.puppet import puppet_file
@@ -113,6 +114,16 @@ def test_a_film_is_made_of_the_takes_that_its_plan_has_solved(planned, monkeypat
     made = make_video(production.path, tmp_path / "film.gif", 0.0, 0.2, False, quiet)
     assert made.frames == 3  # a .gif has at most 15 frames per second
     assert made.notes == production.notes
+
+
+def test_the_first_frame_is_that_of_the_film(planned, tmp_path, monkeypatch):
+    _, production = planned()
+    drawn, draw = [], Canvas.draw
+    monkeypatch.setattr(Canvas, "draw", lambda *each: drawn.append(draw(*each)) or drawn[-1])
+    monkeypatch.setattr("engine_bridge.film.drawing.processor_count", lambda: 1)
+    first = first_frame(production.path, quiet)
+    make_video(production.path, tmp_path / "film.mp4", 0.0, 0.2, False, quiet)
+    np.testing.assert_array_equal(first[..., :3], drawn[1][..., :3])
 
 
 def test_a_mesh_that_was_replaced_is_measured_again(planned, limbed_puppet, monkeypatch):

@@ -28,6 +28,18 @@ def crash(progress):
 def sleep(progress):
     progress("Sleeping", 0.0)
     time.sleep(600)
+
+done = []
+
+def last(progress, number):
+    return done[-1:]
+
+def fail_afterwards(progress, number):
+    progress("Nobody listens", 0.0)
+    done.append(number)
+    raise ZeroDivisionError
+
+AFTERWARDS = {"double": fail_afterwards}
 """
 
 PROGRAM = """
@@ -64,6 +76,17 @@ def test_tasks_run_one_after_another_in_one_process(tasks):
     assert [each["twice"] for each in results] == [2, 4, 6]
     assert len({each["process"] for each in results} | {os.getpid()}) == 2
     assert steps == [("Doubling", 0.5)] * 3
+
+
+def test_what_is_done_after_a_task_is_done_before_the_next_and_cannot_fail_it(tasks):
+    async def run():
+        worker, steps = Worker(), []
+        await worker.run("double", 7, progress=lambda *step: steps.append(step))
+        done = await worker.run("last", 0, progress=lambda *step: steps.append(step))
+        await worker.close()
+        return done, steps
+
+    assert asyncio.run(run()) == ([7], [("Doubling", 0.5)])
 
 
 @pytest.mark.parametrize(

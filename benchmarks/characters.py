@@ -22,7 +22,8 @@ from engine_bridge.performance.clip import Clip, load_timeline, perform
 from engine_bridge.performance.prepared_character import load_prepared
 from engine_bridge.performance.settings import Settings
 from engine_bridge.pictures.contact_sheet import write_contact_sheet
-from engine_bridge.pictures.renderer import View, render
+from engine_bridge.pictures.mesh_picture import render
+from engine_bridge.pictures.view import View
 from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.proposal import new_puppet
 from puppetline.errors import PuppetlineError

@@ -20,11 +20,12 @@ from engine_bridge.character import examples
 from engine_bridge.character.materials import drawn_normals, materials_of
 from engine_bridge.performance.prepared_character import load_prepared
 from engine_bridge.pictures.camera import Camera
-from engine_bridge.pictures.film_renderer import FilmRenderer
 from engine_bridge.pictures.geometry import geometry
-from engine_bridge.pictures.renderer import View, render
+from engine_bridge.pictures.mesh_picture import render
+from engine_bridge.pictures.renderer import Renderer
 from engine_bridge.pictures.surroundings import StageExtent, Surroundings
 from engine_bridge.pictures.textures import textures
+from engine_bridge.pictures.view import View
 
 SIZE = (1280, 720)
 ROUNDS = 5
@@ -68,7 +69,7 @@ def measure_frame(folder: Path) -> None:
     drawn = geometry([(character.parts, materials_of(character))] * 2)
     grey = np.full((2, 2, 4), 230, np.uint8)
     around = Surroundings(grey, textures([grey], np.linspace(0, 1, 256, dtype=np.float32)))
-    stage, renderer = StageExtent(np.zeros(3), 1.6, 1.7, 1.6), FilmRenderer(SIZE)
+    stage, renderer = StageExtent(np.zeros(3), 1.6, 1.7, 1.6), Renderer(SIZE)
 
     def draw() -> None:
         for _ in range(FRAMES_PER_ROUND):

@@ -26,7 +26,8 @@ from engine_bridge.performance.clip import solve
 from engine_bridge.performance.prepared_character import PreparedCharacter, load_prepared
 from engine_bridge.performance.settings import Settings
 from engine_bridge.pictures.contact_sheet import write_contact_sheet
-from engine_bridge.pictures.renderer import View, render
+from engine_bridge.pictures.mesh_picture import render
+from engine_bridge.pictures.view import View
 from solver.model.batch import BatchBinding
 
 PUPPETS = Path(__file__).parents[1] / "examples" / "puppets"

@@ -12,10 +12,10 @@ from puppetline.examples.characters import CHARACTERS
 from puppetline.examples.characters.human import SCALE
 from scipy.spatial.transform import Rotation
 
+from benchmarks.rasteriser import barycentric, rasterise
 from capture.sensors.depth_camera import metres
 from capture.skeleton import JOINT_INDEX, to_character_axes
 from capture.trackers.picture import Lens, Picture
-from engine_bridge.pictures.rasteriser import barycentric, rasterise
 
 Floats = NDArray[np.float64]
 

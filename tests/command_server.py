@@ -33,7 +33,7 @@ MODULES = (
     "engine_bridge.export.bake",
     "engine_bridge.export.convert",
     "engine_bridge.pictures.source_view",
-    "engine_bridge.pictures.renderer",
+    "engine_bridge.pictures.mesh_picture",
     "engine_bridge.puppet.proposal",
     "engine_bridge.service.commands",
     "engine_bridge.service.service",

@@ -13,7 +13,8 @@ from sphinx.application import Sphinx
 
 from engine_bridge.character.examples import prepare
 from engine_bridge.performance.prepared_character import load_prepared
-from engine_bridge.pictures.renderer import View, render
+from engine_bridge.pictures.mesh_picture import render
+from engine_bridge.pictures.view import View
 
 CHARACTER = "human"
 SIZE = (250, 400)

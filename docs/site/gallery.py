@@ -28,7 +28,7 @@ from engine_bridge.character.examples import MOTIONS, prepare
 from engine_bridge.cli.main import main as puppetline
 from engine_bridge.film.film import make_video
 from engine_bridge.pictures import stick_figure
-from engine_bridge.pictures.renderer import View
+from engine_bridge.pictures.view import View
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "engine_bridge" / "studio" / "page"

@@ -138,7 +138,8 @@ def _tetrahedron() -> "tuple[NDArray[np.float64], NDArray[np.int64]]":
 
 def _compile_pictures() -> None:
     """Compile what draws a surface."""
-    from engine_bridge.pictures.renderer import View, render
+    from engine_bridge.pictures.mesh_picture import render
+    from engine_bridge.pictures.view import View
 
     corners, faces = _tetrahedron()
     render(corners, faces, View.around(corners), (8, 8))

@@ -18,8 +18,8 @@ from engine_bridge.film.painting import BOTTOM, PERIOD, TOP
 from engine_bridge.film.scene import DEFAULT_SET, Scene
 from engine_bridge.film.sets import SETS, panorama
 from engine_bridge.pictures.camera import Camera
-from engine_bridge.pictures.film_renderer import FilmRenderer
 from engine_bridge.pictures.geometry import Geometry, geometry
+from engine_bridge.pictures.renderer import Renderer
 from engine_bridge.pictures.surroundings import Overlay, Panorama, StageExtent, Surroundings
 from engine_bridge.pictures.textures import Textures, textures
 from puppetline.child_process import processor_count
@@ -86,11 +86,11 @@ class Canvas:
         self._size, self._samples, self._stage = size, samples, stage
         self._around = surroundings(scene, path, size)
         self._geometry: Geometry = geometry(characters)
-        self._idle = deque[FilmRenderer]()
+        self._idle = deque[Renderer]()
 
     def draw(self, frame: ShownFrame) -> NDArray[np.uint8]:
         """Return the pixels (h, w, 4) of a frame."""
-        renderer = self._idle.pop() if self._idle else FilmRenderer(self._size, self._samples)
+        renderer = self._idle.pop() if self._idle else Renderer(self._size, self._samples)
         drawn = [self._draw_view(renderer, frame, view) for view in frame.views]
         self._idle.append(renderer)
         if [view.share for view in frame.views] == [1]:
@@ -98,7 +98,7 @@ class Canvas:
         mixed = sum(np.float32(view.share) * each for each, view in zip(drawn, frame.views, strict=True))
         return np.rint(mixed).astype(np.uint8)
 
-    def _draw_view(self, renderer: FilmRenderer, frame: ShownFrame, view: ShownView) -> NDArray[np.uint8]:
+    def _draw_view(self, renderer: Renderer, frame: ShownFrame, view: ShownView) -> NDArray[np.uint8]:
         over = [Overlay(*each) for each in view.pictures]
         return renderer.draw(view.camera, self._stage, self._geometry, frame.surfaces, self._around, over)
 
@@ -138,4 +138,4 @@ def surroundings(scene: Scene, path: Path, size: tuple[int, int]) -> Surrounding
     if color is not None:
         floor = np.full((1, 1, 4), (*ImageColor.getrgb(color)[:3], 255), np.uint8)
     tile: Textures | None = None if floor is None else textures([floor], np.linspace(0, 1, 256, dtype=np.float32))
-    return Surroundings(background, tile, scene.floor.show, lighting_of(scene))
+    return Surroundings(background, tile, scene.floor.show, lighting=lighting_of(scene))

@@ -25,7 +25,7 @@ from engine_bridge.film.scene import Scene, SceneError, load
 from engine_bridge.film.sound import SAMPLE_RATE, Mixer
 from engine_bridge.film.video import FORMATS, VideoWriter
 from engine_bridge.performance.channels import morph_weights
-from engine_bridge.pictures.film_renderer import SAMPLES
+from engine_bridge.pictures.renderer import SAMPLES
 from puppetline.errors import at
 from puppetline.files import check_one_of, written_whole
 from solver.model.binding import ShadedBinding

@@ -16,7 +16,8 @@ from engine_bridge.performance.grounding import stands
 from engine_bridge.performance.prepared_character import PreparedCharacter
 from engine_bridge.pictures import stick_figure
 from engine_bridge.pictures.contact_sheet import write_contact_sheet
-from engine_bridge.pictures.renderer import View, render
+from engine_bridge.pictures.mesh_picture import render
+from engine_bridge.pictures.view import View
 from solver.model.binding import Binding
 from solver.motion.deformer import to_file_units
 

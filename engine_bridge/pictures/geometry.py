@@ -10,8 +10,10 @@ from engine_bridge.character.character import Part
 from engine_bridge.character.materials import Appearance
 from engine_bridge.character.surfaces.surface import srgb_to_linear
 from engine_bridge.pictures.coarse import coarse_triangles
-from engine_bridge.pictures.renderer import CLAY
 from engine_bridge.pictures.textures import Textures, textures
+
+CLAY = (0.60, 0.40, 0.27)
+"""Linear RGB colour of a mesh without colours."""
 
 SHADOW_CELL = 0.012
 """Width of the cells of the surface that casts shadows, as a share of its character's size; less than a penumbra."""
@@ -95,7 +97,7 @@ def geometry(characters: Sequence[tuple[Sequence[Part], Sequence[Appearance]]]) 
         begin = len(fine)
         vertices = np.concatenate([part.vertices for part in drawn])
         size = float(np.ptp(vertices, axis=0).max())
-        fine += [_triangle_size(part) <= FINE_SHARE * size for part in drawn]
+        fine += [are_fine(part.vertices, part.triangles, size) for part in drawn]
         blends = [material.opacity == "BLEND" for material in own]
         solid = [
             part.triangles + first - starts[-1]
@@ -141,8 +143,8 @@ def _colors(material: Appearance) -> NDArray[np.float32]:
     return colors
 
 
-def _triangle_size(part: Part) -> float:
-    """Return the length of the sides of triangles of mean area."""
-    a, b, c = np.moveaxis(part.vertices[part.triangles], 1, 0)
+def are_fine(vertices: NDArray[np.float64], triangles: NDArray[np.int64], size: float) -> bool:
+    """Return whether the mean area of triangles is that of small ones, see `FINE_SHARE`, for a character's size."""
+    a, b, c = np.moveaxis(vertices[triangles], 1, 0)
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
-    return float(np.sqrt(2 * areas.mean())) if len(areas) else 0.0
+    return not len(areas) or bool(np.sqrt(2 * areas.mean()) <= FINE_SHARE * size)

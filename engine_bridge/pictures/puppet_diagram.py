@@ -11,7 +11,8 @@ from PIL import Image, ImageDraw, ImageFont
 from engine_bridge.character.character import CharacterMesh
 from engine_bridge.character.materials import preview_colors
 from engine_bridge.pictures.contact_sheet import write_contact_sheet
-from engine_bridge.pictures.renderer import View, project, render
+from engine_bridge.pictures.mesh_picture import render
+from engine_bridge.pictures.view import View, project
 from engine_bridge.puppet.puppet import HandleTable, LimbTable, Puppet
 
 VIEWS = {"from the front, it looks at you": (25.0, 12.0), "from its left, it looks to the left": (100.0, 8.0)}

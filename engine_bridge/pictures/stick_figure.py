@@ -5,7 +5,8 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from capture.skeleton import JOINT_INDEX, PARENTS
-from engine_bridge.pictures.renderer import View, backdrop, project
+from engine_bridge.pictures.mesh_picture import backdrop
+from engine_bridge.pictures.view import View, project
 
 SUPERSAMPLING = 3
 LEFT, RIGHT, MIDDLE = (214, 106, 36), (38, 104, 178), (74, 78, 86)

@@ -6,9 +6,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.pictures.lighting import KEY, SKY
-from engine_bridge.pictures.renderer import BOUNCE
 from engine_bridge.pictures.textures import Textures
+
+SKY, KEY, BOUNCE = (0.36, 0.40, 0.47), (1.22, 1.10, 0.95), (0.20, 0.18, 0.16)
+"""Linear RGB irradiance of an overcast sky on the floor, of the
+key light on a surface that faces it, and of the ground on one that faces down."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,10 +85,13 @@ class Surroundings:
         A picture that repeats on the floor; None for shadows on the background.
     has_floor : bool
         Whether there is a floor, with shadows.
+    floor_hides : bool
+        Whether what is below the floor is hidden.
     lighting : Lighting
     """
 
     background: NDArray[np.uint8] | Panorama
     floor: Textures | None = None
     has_floor: bool = True
+    floor_hides: bool = True
     lighting: Lighting = field(default_factory=Lighting)

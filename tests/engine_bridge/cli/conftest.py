@@ -7,7 +7,7 @@ import pytest
 from click.testing import CliRunner
 
 from engine_bridge.cli.main import main
-from engine_bridge.pictures import clip_sheet, lighting
+from engine_bridge.pictures import clip_sheet
 
 from ..service.conftest import free_port, kung_fu, listen, play, sender, serve, serve_module
 
@@ -43,9 +43,7 @@ def invoke(tmp_path, monkeypatch):
 
 @pytest.fixture
 def quick_pictures(monkeypatch):
-    """Draw with one light of each kind, and one moment of a clip."""
-    for kind in ("_SKY_LIGHTS", "_KEY_LIGHTS"):
-        monkeypatch.setattr(lighting, kind, 1)
+    """Draw one moment of a clip."""
     monkeypatch.setattr(clip_sheet, "TILE_COUNT", 1)
 
 

@@ -9,8 +9,9 @@ from numpy.testing import assert_allclose
 from capture import smoothing
 from engine_bridge.cli import compile_ahead
 from engine_bridge.performance.character_motion import CharacterMotion
-from engine_bridge.pictures import renderer
-from engine_bridge.pictures.rasteriser import rasterise
+from engine_bridge.pictures.drawing import cover, paint
+from engine_bridge.pictures.mesh_picture import render
+from engine_bridge.pictures.view import View
 from puppetline import compiled
 from puppetline.compiling import when_begun
 from solver.model import batch, stretch
@@ -66,7 +67,7 @@ def test_what_is_compiled_ahead_is_what_a_performance_needs(limbed_figure, stand
     functions = (
         *(each.compiled for each in (limb_motion._step, feet._step, arms._step, smoothing._filter, retarget._ease)),
         *(nested_dissection, deformer._carry, deformer._turn, batch._blend, stretch._count),
-        *(weights._fit, blend_positions, rasterise),
+        *(weights._fit, blend_positions, cover, paint),
     )
     ahead = [set(function.signatures) for function in functions]
     assert all(ahead)
@@ -79,7 +80,7 @@ def test_what_is_compiled_ahead_is_what_a_performance_needs(limbed_figure, stand
     positions = batch.BatchBinding.of_solver_mesh(limbed_figure.model, limbed_figure.mesh).displacements(pose.R[None])
     stretch.EdgeStretch(limbed_figure.mesh).add(positions)
     vertices = limbed_figure.mesh.vertices
-    renderer.render(vertices, limbed_figure.mesh.faces, renderer.View.around(vertices), (8, 8))
+    render(vertices, limbed_figure.mesh.faces, View.around(vertices), (8, 8))
     assert [set(function.signatures) for function in functions] == ahead
 
 

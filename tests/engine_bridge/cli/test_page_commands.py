@@ -17,7 +17,7 @@ from puppetline.examples.performances import PERFORMANCES, clean
 
 from engine_bridge.character import examples
 from engine_bridge.cli.main import main
-from engine_bridge.pictures import clip_sheet, lighting
+from engine_bridge.pictures import clip_sheet
 
 from ...capture.formats.bvh_files import animal_file
 from ...test_documentation import PAGES, ROOT, blocks, commands, name_of
@@ -76,8 +76,6 @@ def short_examples():
             )
             patch.setitem(PERFORMANCES, name, lambda short=short: short)
         patch.setattr(clip_sheet, "TILE_COUNT", 1)
-        patch.setattr(lighting, "_SKY_LIGHTS", 1)
-        patch.setattr(lighting, "_KEY_LIGHTS", 1)
         patch.setattr(film, "SCENE", film.SCENE.replace("seconds = 11.5", "seconds = 0.2\nsize = [64, 36]"))
         yield
 

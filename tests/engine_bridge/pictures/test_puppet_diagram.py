@@ -3,7 +3,7 @@ import pytest
 
 from engine_bridge.character.character import make_character
 from engine_bridge.pictures import puppet_diagram
-from engine_bridge.pictures.renderer import View, project
+from engine_bridge.pictures.view import View, project
 from engine_bridge.puppet.puppet import CharacterTable, HandleTable, Puppet
 
 SIZE = (420, 280)

@@ -1,141 +1,270 @@
+"""The renderer of films: what is where, which side is seen, shadows, textures, opacity, floor and panorama."""
+
+from dataclasses import replace
+
 import igl
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from engine_bridge.pictures.lighting import KEY, KEY_AZIMUTH, KEY_ELEVATION, SKY
-from engine_bridge.pictures.renderer import View, render
+from engine_bridge.character.character import Part
+from engine_bridge.character.materials import Appearance
+from engine_bridge.pictures.camera import NEAR_SHARE, Camera
+from engine_bridge.pictures.geometry import geometry
+from engine_bridge.pictures.renderer import PLACES, Renderer
+from engine_bridge.pictures.surroundings import Overlay, Panorama, StageExtent, Surroundings
+from engine_bridge.pictures.textures import textures
 
-from ..character.conftest import CORNERS, SIDES
-
-FRONT = View(azimuth=0, elevation=0, center=(0, 0, 0), radius=1.5)
-
-
-def sphere(center=(0.0, 0.0, 0.0), radius=1.0):
-    """A sphere of 5,120 faces."""
-    points, faces = igl.upsample(*igl.icosahedron(), 4)
-    return np.array(center) + radius * points / np.linalg.norm(points, axis=1, keepdims=True), faces
-
-
-def square(center, half, z, color):
-    x, y = center
-    corners = [[x - half, y - half, z], [x + half, y - half, z], [x + half, y + half, z], [x - half, y + half, z]]
-    return np.array(corners, float), np.array([[0, 1, 2], [0, 2, 3]]), np.tile(color, (4, 1)).astype(float)
-
-
-def together(*parts):
-    vertices, faces, colors = zip(*parts, strict=True)
-    starts = np.cumsum([0, *map(len, vertices)])[:-1]
-    return (
-        np.concatenate(vertices),
-        np.concatenate([f + s for f, s in zip(faces, starts, strict=True)]),
-        np.concatenate(colors),
-    )
-
-
-def linear(image):
-    encoded = image / 255
-    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
-
-
-def coverage(vertices, faces, view, size):
-    """Return the share of each pixel that a mesh covers: a black one darkens the background by it."""
-    black = render(vertices, faces, view, size, colors=np.zeros_like(vertices))
-    away = View(view.azimuth, view.elevation, (1000.0, 0.0, 0.0), view.radius)
-    return 1 - linear(black)[..., 1] / linear(render(vertices, faces, away, size))[..., 1]
-
-
-@pytest.mark.parametrize("angles", [(70, 35), (-130, 90), (10, -40)])
-def test_a_sphere_covers_its_area_around_the_centre_from_all_sides(angles):
-    center = (3.0, -1.0, 2.0)
-    covered = coverage(*sphere(center), View(*angles, center, radius=1.25), (120, 100))
-    scale = 100 / 2.5
-    assert covered.sum() == pytest.approx(np.pi * scale**2, rel=0.01)
-    y, x = np.indices(covered.shape) + 0.5
-    assert (covered * x).sum() / covered.sum() == pytest.approx(60, abs=0.1)
-    assert (covered * y).sum() / covered.sum() == pytest.approx(50, abs=0.1)
-
-
-@pytest.mark.parametrize(
-    ("azimuth", "elevation", "left", "right"),
-    [(0, 0, "+z", "+z"), (45, 0, "+z", "+x"), (135, 0, "+x", "-z"), (-45, 0, "-x", "+z"), (0, 90, "+y", "+y")],
+SIZE = (160, 120)
+STAGE = StageExtent(np.zeros(3), 2.0, 2.0, 1.0)
+CAMERA = Camera(np.array([0.0, 0.8, 6.0]), np.array([0.0, 0.8, 0.0]), 30)
+PLAIN = Appearance(
+    np.array([1, 0, 0, 1], np.float32), None, None, np.zeros((4, 2), np.float32), "OPAQUE", 0.5, True, True
 )
-def test_each_side_of_a_cube_shows_where_the_camera_sees_it(azimuth, elevation, left, right):
-    paint = {"+x": (1, 0, 0), "-x": (0, 1, 1), "+y": (0, 1, 0), "-z": (1, 1, 0), "+z": (0, 0, 1), "-y": (1, 0, 1)}
-    sides = []
-    for side, color in paint.items():
-        axis, sign = "xyz".index(side[1]), 1.0 if side[0] == "+" else -1.0
-        corners = np.insert([[-1, -1], [1, -1], [1, 1], [-1, 1]], axis, sign, axis=1).astype(float)
-        sides.append((corners, np.array([[0, 1, 2], [0, 2, 3]]), np.tile(color, (4, 1)).astype(float)))
-    vertices, faces, colors = together(*sides)
-    image = render(vertices, faces, View(azimuth, elevation, (0, 0, 0), 2.0), (80, 80), colors)
-    for side, column in ((left, 30), (right, 50)):
-        assert_array_equal(image[40, column] > 40, np.array(paint[side]) == 1)
+FRONT = np.array([[0, 1, 2], [0, 2, 3]])
+SHADES = np.linspace(0, 1, 256, dtype=np.float32)
 
 
-def test_a_common_edge_through_pixel_centres_leaves_no_gap():
-    vertices, faces, _ = square((0, 0), 1, 0, (1, 1, 1))
-    covered = coverage(vertices, faces, FRONT, (60, 60))
-    assert_allclose(covered[10:50, 10:50], 1, atol=1e-9)
-    assert covered.sum() == pytest.approx(1600, abs=1e-6)
+def square(side, x=0.0, y=0.8, z=0.0):
+    """A square that faces the camera, and its normals."""
+    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * side / 2 + [x, y, z]
+    return corners, np.tile([0.0, 0.0, 1.0], (4, 1))
 
 
-def test_a_sphere_casts_the_key_lights_shadow_on_the_floor():
-    view = View(0, 20, (0, 0, 0), 3.0, ground=-1.0)
-    image, bare = (linear(render(*sphere(), v, (120, 120))) for v in (view, View(0, 20, (0, 0, 0), 3.0)))
-    light = (image / bare)[..., 1]
-    # The shadow is an ellipse of 1 by 1 / sin e. At 0.8 behind its centre, the floor is in it and not hidden.
-    azimuth, elevation, tilt = np.radians([KEY_AZIMUTH, KEY_ELEVATION, 20])
-    away = 1 / np.tan(elevation) + 0.8
-    x, z = -away * np.sin(azimuth), -away * np.cos(azimuth)
-    column, row = int(60 + 20 * x), int(60 - 20 * (-np.cos(tilt) - z * np.sin(tilt)))
-    sky_alone = SKY[1] / (SKY[1] + KEY[1] * np.sin(elevation))
-    assert 0.5 * sky_alone < light[row, column] < sky_alone
-    assert light[row, 120 - column] > 0.9  # on the other side, towards the light
-    assert light[115, 5] > 0.98  # far away
+def part_of(corners, triangles, normals):
+    return Part(0, 0, np.eye(4)[None], corners, triangles, normals)
 
 
-def test_colors_are_interpolated_between_vertices():
-    vertices, faces, _ = square((0, 0), 1, 0, (1, 1, 1))
-    colors = np.array([[0, 0.2, 0], [1, 0.2, 0], [1, 0.2, 0], [0, 0.2, 0]])
-    image = linear(render(vertices, faces, FRONT, (60, 60), colors))[30, 11:49]
-    share = image[:, 0] / image[:, 1] / (KEY[0] / KEY[1])
-    expected = (np.arange(11, 49) - 9.5) / 40 / 0.2
-    assert_allclose(share, expected, rtol=0.05)
+def picture(*squares, floor=None, shadows=False, background=(0, 0, 255), camera=CAMERA, samples=4, overlays=()):
+    """Draw squares (material, corners, normals, triangles) and return the pixels (h, w, 3)."""
+    drawn = geometry([([part_of(places, faces, normals)], [m]) for m, (places, normals), faces in squares])
+    moved = [(places.astype(np.float32), normals.astype(np.float32)) for _, (places, normals), _ in squares]
+    tile = None if floor is None else textures([np.array([[[*floor, 255]]], np.uint8)], SHADES)
+    behind = np.full((2, 2, 4), (*background, 255), np.uint8)
+    around = Surroundings(behind, tile, has_floor=floor is not None or shadows)
+    over = [Overlay(pixels, opacity) for pixels, opacity in overlays]
+    return Renderer(SIZE, samples).draw(camera, STAGE, drawn, moved, around, over)[..., :3]
 
 
-@pytest.mark.parametrize("angles", [(0, 0), (25, 12), (200, 60)])
-def test_a_view_around_a_clip_frames_every_pose_with_a_margin(angles):
-    vertices, faces = CORNERS.astype(float), SIDES.astype(int)
-    clip = np.stack([vertices, vertices + np.array([2, 0, 0]), vertices - np.array([0, 1.5, 0])])
-    view = View.around(clip, *angles)
-    assert view.ground == -1.5
-    covered = np.max(
-        [coverage(pose, faces, View(*angles, view.center, view.radius), (100, 100)) for pose in clip], axis=0
+def test_points_are_where_the_camera_projects_them():
+    pixels = picture((PLAIN, square(0.5, x=0.4, y=1.2), FRONT))
+    rows, columns = np.nonzero((pixels == [255, 0, 0]).all(axis=2))
+    corners = np.column_stack([square(0.5, x=0.4, y=1.2)[0], np.ones(4)]) @ CAMERA.matrix(SIZE).astype(float)
+    expected = (corners[:, :2] / corners[:, 3:] / 2 + 0.5) * SIZE
+    shown = [[columns.min(), rows.min()], [columns.max() + 1, rows.max() + 1]]
+    np.testing.assert_allclose(shown, [expected.min(axis=0), expected.max(axis=0)], atol=1)
+    assert (pixels[0, 0] == [0, 0, 255]).all()
+
+
+def test_edges_are_smooth():
+    turned, normals = square(0.7)
+    turned = (turned - [0, 0.8, 0]) @ [[0.8, 0.6, 0], [-0.6, 0.8, 0], [0, 0, 1]] + [0, 0.8, 0]
+    smooth = picture((PLAIN, (turned, normals), FRONT))
+    rough = picture((PLAIN, (turned, normals), FRONT), samples=1)
+
+    def mixed(pixels):
+        return ((pixels[..., 0] > 20) & (pixels[..., 2] > 20)).sum()
+
+    assert mixed(smooth) > 40
+    assert mixed(rough) == 0
+
+
+def test_one_sided_triangles_are_seen_from_the_front_only():
+    one_sided = replace(PLAIN, two_sided=False)
+    assert picture((one_sided, square(0.5), FRONT))[60, 80].tolist() == [255, 0, 0]
+    assert picture((one_sided, square(0.5), FRONT[:, ::-1]))[60, 80].tolist() == [0, 0, 255]
+    assert picture((PLAIN, square(0.5), FRONT[:, ::-1]))[60, 80].tolist() == [255, 0, 0]
+
+
+def test_the_nearer_surface_hides_the_other():
+    green = replace(PLAIN, color=np.array([0, 1, 0, 1], np.float32))
+    pixels = picture((PLAIN, square(0.5, z=0.5), FRONT), (green, square(1.0), FRONT))
+    assert pixels[60, 80].tolist() == [255, 0, 0]
+    assert pixels[45, 80].tolist() == [0, 255, 0]
+
+
+def test_transparent_surfaces_mix_with_what_is_behind_them():
+    glass = replace(PLAIN, color=np.array([0, 1, 0, 0.5], np.float32), opacity="BLEND")
+    pixels = picture((glass, square(0.5, z=0.5), FRONT), (PLAIN, square(1.0), FRONT))
+    assert pixels[60, 80] == pytest.approx([128, 128, 0], abs=2)
+
+
+def test_textures_repeat_and_masks_have_holes():
+    image = np.zeros((2, 2, 4), np.uint8)
+    image[0, 0] = image[1, 1] = [255, 255, 255, 255]
+    uv = np.array([[0, 4], [4, 4], [4, 0], [0, 0]], np.float32)
+    white = replace(PLAIN, color=np.ones(4, np.float32), image=image, uv=uv, opacity="MASK")
+    pixels = picture((white, square(1.6), FRONT))
+    inside = pixels[30:90, 50:110].reshape(-1, 3)
+    assert (inside == [0, 0, 255]).all(axis=1).mean() == pytest.approx(0.5, abs=0.15)
+    # the image's first row is at v = 0, the top of the square
+    once = replace(white, uv=uv / 4, opacity="OPAQUE")
+    corners = picture((once, square(1.6), FRONT))
+    assert corners[45, 65].min() > 240
+    assert corners[45, 95].max() < 60
+
+
+@pytest.mark.parametrize("splits", [0, 7], ids=["at pixels", "at vertices"])
+def test_a_square_over_the_floor_casts_a_soft_shadow(splits):
+    """The same square as two triangles, and as many small ones, which are lit at their vertices."""
+    lit = replace(PLAIN, unlit=False, color=np.ones(4, np.float32))
+    corners = np.array([[-0.5, 0, -0.5], [0.5, 0, -0.5], [0.5, 0, 0.5], [-0.5, 0, 0.5]])
+    vertices, triangles = igl.upsample(corners, FRONT[:, ::-1], splits) if splits else (corners, FRONT[:, ::-1])
+    lit = replace(lit, uv=np.zeros((len(vertices), 2), np.float32))
+    vertices = vertices + np.array([0.0, 0.6, 0.0])
+    camera = Camera(np.array([0.0, 2.5, 5.0]), np.array([0.0, 0.4, 0.0]), 40)
+    normals = np.tile([0.0, 1.0, 0.0], (len(vertices), 1))
+    floor = (217, 217, 217)
+    pixels = picture((lit, (vertices, normals), triangles), floor=floor, camera=camera).astype(int)
+    alone = picture(floor=floor, camera=camera).astype(int)
+    darker = (alone - pixels)[..., 0]
+    assert (darker > 40).sum() > 300  # the core of the shadow
+    assert ((darker > 5) & (darker < 35)).sum() > 60  # its soft edge
+    assert pixels[..., 0].max() > alone[..., 0].max()  # the upper side is not in its own shadow
+
+
+def test_a_shadow_begins_at_the_foot_that_casts_it():
+    """A low slab on the floor, as low as a paw: the floor beside it, away from the light, is dark."""
+    lit = replace(PLAIN, unlit=False, color=np.ones(4, np.float32))
+    corners = np.array(
+        [[x, y, z] for y in (0.0, 0.02) for x, z in ((-0.5, -0.1), (0.5, -0.1), (0.5, 0.1), (-0.5, 0.1))]
     )
-    rows, columns = np.nonzero(covered > 1e-6)
-    extents = [(rows.min(), rows.max()), (columns.min(), columns.max())]
-    assert max(last - first for first, last in extents) == pytest.approx(100 / 1.12, abs=2)
-    for first, last in extents:
-        assert first + last == pytest.approx(99, abs=2)
+    faces = np.array([[4, 6, 5], [4, 7, 6], [0, 5, 1], [0, 4, 5], [3, 2, 6], [3, 6, 7], [1, 6, 2], [1, 5, 6]])
+    lit = replace(lit, uv=np.zeros((8, 2), np.float32))
+    camera = Camera(np.array([0.0, 1.2, -0.3]), np.array([0.0, 0.0, -0.1]), 20)  # from above
+    normals = np.tile([0.0, 1.0, 0.0], (8, 1))
+    floor = (217, 217, 217)
+    darker = picture(floor=floor, camera=camera).astype(int) - picture(
+        (lit, (corners, normals), faces), floor=floor, camera=camera
+    )
+    away = np.array([[0.0, 0.0, z, 1.0] for z in (-0.105, 0.3)]) @ camera.matrix(SIZE).astype(float)
+    (column, row), (far_column, far_row) = np.floor((away[:, :2] / away[:, 3:] / 2 + 0.5) * SIZE).astype(int)
+    assert darker[row, column, 0] > 30
+    assert abs(darker[far_row, far_column, 0]) < 8
 
 
-def test_texture_seams_do_not_show():
-    """A sphere whose triangles share no vertices looks like one whose triangles do."""
-    vertices, faces = sphere()
-    view = View.around(vertices)
-    whole = render(vertices, faces, view, (90, 90))
-    assert_array_equal(render(vertices[faces.ravel()], np.arange(faces.size).reshape(-1, 3), view, (90, 90)), whole)
+def test_a_floor_without_a_colour_shows_shadows_only():
+    camera = Camera(np.array([0.0, 2.5, 5.0]), np.array([0.0, 0.4, 0.0]), 40)
+    behind = (200, 220, 240)
+    corners, _ = square(0.8)
+    normals = np.tile([0.0, 0.0, 1.0], (4, 1))
+    pixels = picture((PLAIN, (corners, normals), FRONT), shadows=True, camera=camera, background=behind)
+    assert pixels[5, 5].tolist() == list(behind)
+    floor = ~(pixels[..., 0] > 250)
+    assert ((pixels.sum(axis=2) < sum(behind) - 60) & floor).sum() > 100
 
 
-@pytest.mark.parametrize("kind", ["turned", "doubled", "doubled and turned"])
-def test_flipped_and_doubled_triangles_do_not_darken_a_surface(kind):
-    vertices, faces = sphere()
-    view = View.around(vertices)
-    whole = render(vertices, faces, view, (90, 90)).astype(int)
-    odd = {
-        "turned": np.where(np.arange(len(faces))[:, None] % 3 == 0, faces[:, ::-1], faces),
-        "doubled": np.concatenate([faces, faces]),
-        "doubled and turned": np.concatenate([faces, faces[:, ::-1]]),
-    }[kind]
-    assert np.abs(render(vertices, odd, view, (90, 90)).astype(int) - whole).max() <= 2
+def test_pictures_lie_over_the_frame_with_their_opacity():
+    over = np.zeros((SIZE[1], SIZE[0], 4), np.uint8)
+    over[:20] = [255, 255, 255, 255]
+    pixels = picture(overlays=[(over, 0.5)])
+    assert pixels[10, 80] == pytest.approx([128, 128, 255], abs=2)
+    assert pixels[30, 80].tolist() == [0, 0, 255]
+
+
+def seen_by_rays(camera, corners, two_sided, places):
+    """Return the nearest triangle (h, w, s) of corners (t, 3, 3) at each sample, −1 for none (Möller and Trumbore)."""
+    right, up, towards = camera.axes
+    slope = np.tan(np.radians(camera.field_of_view) / 2)
+    y, x = np.mgrid[: SIZE[1], : SIZE[0]]
+    x, y = ((each[..., None] + places[:, k]) / SIZE[k] * 2 - 1 for k, each in enumerate((x, y)))
+    rays = -towards + slope * (x[..., None] * right * SIZE[0] / SIZE[1] - y[..., None] * up)
+    nearest, shown = np.full(rays.shape[:3], np.inf), np.full(rays.shape[:3], -1)
+    for number, (a, b, c) in enumerate(corners):
+        across = np.cross(rays, c - a)
+        size = across @ (b - a)
+        u = (across @ (camera.eye - a)) / size
+        along = np.cross(camera.eye - a, b - a)
+        v, distance = rays @ along / size, (c - a) @ along / size
+        hit = (u >= 0) & (v >= 0) & (u + v <= 1) & (distance < nearest) & (two_sided | (size > 0))
+        hit &= distance >= NEAR_SHARE * np.linalg.norm(camera.eye - camera.target)
+        nearest, shown = np.where(hit, distance, nearest), np.where(hit, number, shown)
+    return shown
+
+
+@pytest.mark.parametrize("two_sided", [False, True], ids=["one-sided", "two-sided"])
+@pytest.mark.parametrize("samples", PLACES)
+def test_each_sample_shows_the_triangle_that_its_ray_meets_first(two_sided, samples):
+    """Also triangles that reach behind the camera."""
+    corners = np.random.default_rng(7).normal([0, 0.8, 1.5], 1.6, (60, 3, 3))
+    corners[:30] = corners[:30, :1] + 0.1 * (corners[:30] - corners[:30, :1])
+    triangles = np.arange(180).reshape(60, 3)
+    colors = np.random.default_rng(1).uniform(size=(60, 4)).astype(np.float32).repeat(3, axis=0)
+    material = replace(PLAIN, vertex_colors=colors, uv=np.zeros((180, 2), np.float32), two_sided=two_sided)
+    material = replace(material, color=np.ones(4))
+    normals = np.tile([0.0, 0.0, 1.0], (180, 1))
+    pixels = picture((material, (corners.reshape(-1, 3), normals), triangles), samples=samples)
+    shown = seen_by_rays(CAMERA, corners, two_sided, PLACES[samples])
+    linear = np.vstack([colors[::3, :3], [[0, 0, 1]]])  # the last is the background
+    srgb = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    expected = 255 * srgb[shown].mean(axis=2)
+    off = np.abs(pixels - expected).max(axis=2)
+    assert len(np.unique(shown)) > 15
+    assert np.quantile(off, 0.998) < 4  # but for rays that graze an edge
+
+
+def test_a_frame_does_not_depend_on_those_before():
+    """The background is kept while the camera stands still."""
+    near, far = square(0.5, z=1.0), square(0.9, x=0.3)
+    cameras = [CAMERA, replace(CAMERA, field_of_view=40.0), CAMERA]
+    floor = textures([np.random.default_rng(0).integers(0, 255, (8, 8, 4), np.uint8)], SHADES)
+    around = Surroundings(np.full((1, 1, 4), 200, np.uint8), floor)
+    drawn = geometry([([part_of(*near[:1], FRONT, near[1])], [PLAIN])])
+    places = [tuple(each.astype(np.float32) for each in one) for one in (near, far, near)]
+
+    def draw(renderer, number):
+        return renderer.draw(cameras[number], STAGE, drawn, [places[number]], around)[..., :3]
+
+    renderer = Renderer(SIZE)
+    kept = [draw(renderer, number) for number in range(3)]
+    for number in range(3):
+        assert_array_equal(kept[number], draw(Renderer(SIZE), number))
+    assert_array_equal(kept[0], kept[2])
+    assert (kept[0] != kept[1]).any()
+
+
+def test_the_floor_is_where_the_camera_projects_it():
+    """A square on the floor, and a floor with a tile of the same colours at the same place."""
+    camera = Camera(np.array([1.0, 2.0, 4.0]), np.array([0.2, 0.0, 0.3]), 35)
+    tile = np.zeros((256, 256, 4), np.uint8)
+    tile[:128, :128] = 255
+    floor = textures([tile], SHADES)
+    around = Surroundings(np.full((1, 1, 4), (0, 0, 255, 255), np.uint8), floor)
+    pixels = Renderer(SIZE).draw(camera, STAGE, geometry([]), [], around)
+    side = 1.6 * STAGE.size / 2  # of the white part of the tile
+    corners = np.array([[0, 0, 0], [side, 0, 0], [side, 0, side], [0, 0, side]])
+    seen = np.column_stack([corners, np.ones(4)]) @ camera.matrix(SIZE).astype(float)
+    seen = (seen[:, :2] / seen[:, 3:] / 2 + 0.5) * SIZE
+    middle = seen.mean(axis=0)
+    for share, expected in ((0.9, 255), (1.1, 0)):
+        for column, row in np.floor(middle + share * (seen - middle)).astype(int):
+            assert_allclose(pixels[row, column, :3].astype(int), expected, atol=60)
+
+
+def test_a_panorama_turns_with_the_camera():
+    """A white stripe at an angle is where the camera projects that direction."""
+    image = np.zeros((90, 720, 4), np.uint8)
+    image[:, 360 + 2 * 20 : 360 + 2 * 24] = 255  # 20 to 24 degrees to the right of −z
+    for turn in (-20.0, 10.0, 170.0):
+        toward = np.radians(turn)
+        eye = np.array([0.0, 1.0, 0.0])
+        camera = Camera(eye, eye + np.array([np.sin(toward), 0.0, -np.cos(toward)]), 50)
+        around = Surroundings(Panorama(image, 360.0, 45.0, -45.0), has_floor=False)
+        pixels = Renderer(SIZE).draw(camera, STAGE, geometry([]), [], around)[..., 0]
+        way = np.radians(22.0)
+        seen = np.array([*(eye + np.array([np.sin(way), 0, -np.cos(way)])), 1.0]) @ camera.matrix(SIZE).astype(float)
+        column = (seen[0] / seen[3] / 2 + 0.5) * SIZE[0]
+        if seen[3] > 0 and 0 <= column < SIZE[0]:
+            assert pixels[60, int(column)] == 255
+            assert pixels[60].argmax() == pytest.approx(column, abs=6)
+        else:
+            assert not pixels.any()
+
+
+def test_a_texture_that_is_seen_from_far_away_has_its_mean_colour():
+    image = np.full((64, 64, 4), 255, np.uint8)
+    image[::2, ::2, :3] = image[1::2, 1::2, :3] = 0
+    uv = np.array([[0, 40], [40, 40], [40, 0], [0, 0]], np.float32)
+    checked = replace(PLAIN, color=np.ones(4), image=image, uv=uv)
+    inside = picture((checked, square(1.2), FRONT))[50:70, 70:90]
+    assert_allclose(inside.astype(int), 188, atol=2)  # half of the light, as sRGB

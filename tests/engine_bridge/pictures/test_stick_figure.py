@@ -3,7 +3,7 @@ import pytest
 
 from capture.skeleton import JOINT_INDEX, PARENTS
 from engine_bridge.pictures import stick_figure
-from engine_bridge.pictures.renderer import View, project
+from engine_bridge.pictures.view import View, project
 
 SIZE = (180, 320)
 VIEW = View(0.0, 0.0, (0.0, 0.0, 0.0), 1.0)

@@ -61,36 +61,5 @@ def barycentric(triangles: NDArray[np.float64], points: NDArray[np.float64]) -> 
     return (twice_areas / twice_areas.sum(axis=1, keepdims=True)).astype(np.float32)
 
 
-def interpolate(
-    values: NDArray[np.floating], corners: NDArray[np.int64], share: NDArray[np.float32]
-) -> NDArray[np.float32]:
-    """Return (p, c) values at points in triangles from (n, c) `values` of vertices and barycentric coordinates.
-
-    The (p, 3) `corners` are the vertices of each point's triangle, and the (p, 3) `share` are its coordinates.
-    """
-    return np.einsum("pk,pkc->pc", share, values.astype(np.float32)[corners])
-
-
-def camera_axes(azimuth: float, elevation: float) -> NDArray[np.float64]:
-    """Return the (3, 3) rows right, up and towards the viewer of a camera at these angles, in degrees."""
-    a, e = np.radians([azimuth, elevation])
-    right = np.array([np.cos(a), 0, -np.sin(a)])
-    towards = np.array([np.sin(a) * np.cos(e), np.sin(e), np.cos(a) * np.cos(e)])
-    return np.array([right, np.cross(towards, right), towards])
-
-
-def pixel_matrix(
-    axes: NDArray[np.floating], center: NDArray[np.float64], radius: float, width: int, height: int
-) -> NDArray[np.float64]:
-    """Return the (3, 4) map of points to pixels right of, below and behind the image's top left corner."""
-    linear: NDArray[np.float64] = min(width, height) / (2 * radius) * axes * [[1], [-1], [-1]]
-    return np.column_stack([linear, [width / 2, height / 2, 0] - linear @ center])
-
-
-def transform(matrix: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Apply a (3, 4) affine map to (n, 3) points."""
-    return points @ matrix[:, :3].T + matrix[:, 3]
-
-
 def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]

@@ -1,7 +1,6 @@
-"""Films of two example characters: what a frame costs beside the renderer of contact sheets, and ten seconds of 720p.
+"""Films of two example characters: what a frame costs, and ten seconds of 720p.
 
-Run ``python -m benchmarks.film``. Processor time is that of all threads. A frame's is the minimum of some rounds,
-and both renderers take turns, so that their ratio holds on a busy machine too.
+Run ``python -m benchmarks.film``. Processor time is that of all threads. A frame's is the minimum of some rounds.
 """
 
 import contextlib
@@ -21,11 +20,9 @@ from engine_bridge.character.materials import drawn_normals, materials_of
 from engine_bridge.performance.prepared_character import load_prepared
 from engine_bridge.pictures.camera import Camera
 from engine_bridge.pictures.geometry import geometry
-from engine_bridge.pictures.mesh_picture import render
 from engine_bridge.pictures.renderer import Renderer
 from engine_bridge.pictures.surroundings import StageExtent, Surroundings
 from engine_bridge.pictures.textures import textures
-from engine_bridge.pictures.view import View
 
 SIZE = (1280, 720)
 ROUNDS = 5
@@ -59,12 +56,10 @@ def processor_seconds(work: Callable[[], object]) -> float:
 
 
 def measure_frame(folder: Path) -> None:
-    """Print the cost of a frame with both renderers."""
+    """Print the cost of a frame."""
     character = load_prepared(folder / "human.toml").character
     vertices, normals = character.vertices.astype(np.float32), drawn_normals(character).astype(np.float32)
     both = [vertices + np.array([x, 0, 0], np.float32) for x in (-0.9, 0.9)]
-    together = np.concatenate(both).astype(float)
-    triangles = np.concatenate([character.triangles, character.triangles + len(vertices)])
     camera = Camera(np.array([0.6, 1.4, 5.0]), np.array([0.0, 0.85, 0.0]), 30)
     drawn = geometry([(character.parts, materials_of(character))] * 2)
     grey = np.full((2, 2, 4), 230, np.uint8)
@@ -75,15 +70,10 @@ def measure_frame(folder: Path) -> None:
         for _ in range(FRAMES_PER_ROUND):
             renderer.draw(camera, stage, drawn, [(places, normals) for places in both], around)
 
-    def draw_sheet() -> None:
-        render(together, triangles, View.around(together, size=SIZE), SIZE)
-
     draw()
-    draw_sheet()
-    seconds = [(processor_seconds(draw) / FRAMES_PER_ROUND, processor_seconds(draw_sheet)) for _ in range(ROUNDS)]
-    ours, sheets = np.min(seconds, axis=0)
+    seconds = min(processor_seconds(draw) for _ in range(ROUNDS)) / FRAMES_PER_ROUND
     print(f"{2 * len(vertices):,} vertices, {SIZE[0]} × {SIZE[1]}")
-    print(f"a frame: {1000 * ours:.0f} ms of processor time; the renderer of contact sheets: {1000 * sheets:.0f} ms")
+    print(f"a frame: {1000 * seconds:.0f} ms of processor time")
 
 
 def measure_film(folder: Path) -> None:

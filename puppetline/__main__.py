@@ -18,10 +18,10 @@ def run() -> None:
     end_with_parent()
     try:
         with repeated_interrupts():
-            from engine_bridge.cli.compile_ahead import second_process
+            from engine_bridge.cli.compile_ahead import compiling_ahead
             from engine_bridge.cli.main import main
 
-            with second_process():
+            with compiling_ahead():
                 main()
     except KeyboardInterrupt:
         sys.exit("puppetline: stopped")

@@ -1,8 +1,8 @@
-"""A second process that compiles, while a command that found nothing compiled is still reading and preparing.
+"""Processes that compile, while a command that found nothing compiled is still reading and preparing.
 
 Numba compiles one function at a time in a process, and a command finds out one after the other which ones it needs.
-Those of a deformation, of pictures and of a performer's motion come late and do not need a character. Both processes
-keep what they have compiled on disk, and neither compiles what the other one is compiling (`puppetline.compiled`).
+Those of a deformation, of a performer's motion and of pictures come late and do not need a character. All processes
+keep what they have compiled on disk, and none compiles what another one is compiling (`puppetline.compiled`).
 Until a performer's motion is compiled, Python computes it.
 """
 
@@ -23,19 +23,19 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def second_process(at_once: bool = False) -> Iterator[None]:
-    """Start the second process when a function must be compiled, unless it has done its work before; end it at last.
+def compiling_ahead(at_once: bool = False) -> Iterator[None]:
+    """Start the processes when a function must be compiled, unless all is compiled already; end them at last.
 
     Parameters
     ----------
     at_once : bool
-        Start it now, because other processes will need what it compiles; it finds out itself whether anything is left.
+        Start them now, because other processes will need what they compile; they find out whether anything is left.
     """
     started: list[tuple[subprocess.Popen[bytes], threading.Thread]] = []
 
     def start() -> None:
-        if (os.cpu_count() or 1) > 1:
-            command = [sys.executable, "-m", __name__]
+        for name in WORK if (os.cpu_count() or 1) > 1 else ():
+            command = [sys.executable, "-m", __name__, name]
             none = subprocess.DEVNULL
             process = subprocess.Popen(command, stdin=none, stdout=none, stderr=none, **OWN_GROUP)  # noqa: S603
             waiter = threading.Thread(target=process.wait, daemon=True)  # or it would stay, ended, beside a service
@@ -48,7 +48,7 @@ def second_process(at_once: bool = False) -> Iterator[None]:
             start()
 
     if at_once:
-        when_begun.clear()  # the command around this one would start another
+        when_begun.clear()  # the command around this one would start others
         start()
     else:
         when_begun.append(start_if_needed)
@@ -64,18 +64,18 @@ def second_process(at_once: bool = False) -> Iterator[None]:
 
 
 def is_done() -> bool:
-    """Return whether the second process has done its work before."""
+    """Return whether all that the processes compile is compiled."""
+    from engine_bridge.pictures.drawing import paint
     from puppetline.compiled import is_compiled
-    from solver.motion.arms import _step  # the last
+    from solver.motion.arms import _step
 
-    return is_compiled(_step.compiled)
+    return is_compiled(_step.compiled) and is_compiled(paint)  # the last of each
 
 
-def compile_ahead() -> None:
-    """Compile what commands need late, motion last. Only types of arguments matter, so any figure will do."""
-    _compile_deformation()
-    _compile_pictures()
-    _compile_motion()
+def compile_ahead(name: str) -> None:
+    """Compile a part of what commands need late, see `WORK`. Only types of arguments matter, so any figure will do."""
+    for function in WORK[name]:
+        function()
 
 
 def _compile_deformation() -> None:
@@ -183,6 +183,10 @@ def _compile_motion() -> None:
     Arms(bones, Arm(0, 1, 2, 3), Arm(3, 4, 5, 7), 1.0).step(0.0, joints, seen, motions)
 
 
+WORK = {"motion": (_compile_deformation, _compile_motion), "pictures": (_compile_pictures,)}
+"""What each process compiles."""
+
+
 if __name__ == "__main__":
     if not is_done():
-        compile_ahead()
+        compile_ahead(sys.argv[1])

@@ -56,7 +56,7 @@ def studio(
     import asyncio
 
     from capture.sound_input import is_sound_file, open_sound
-    from engine_bridge.cli.compile_ahead import second_process
+    from engine_bridge.cli.compile_ahead import compiling_ahead
     from engine_bridge.inspection.files import KIND_NAMES, kind_of
     from engine_bridge.service.monitoring import logs
     from engine_bridge.service.security.credentials import read_token
@@ -109,7 +109,7 @@ def studio(
     def entered() -> None:
         click.echo(f"For another browser: {running[0].link()}")
 
-    with second_process(at_once=service is None):  # while the page loads and somebody looks at it
+    with compiling_ahead(at_once=service is None):  # while the page loads and somebody looks at it
         asyncio.run(run(settings, started, entered))
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.pictures.geometry import BLEND, MASK, Surfaces
-from engine_bridge.pictures.kernels import inner, kernel
+from engine_bridge.pictures.kernels import inner, kernel, outer
 from engine_bridge.pictures.lamps import Lamps, encoded, irradiance
 from engine_bridge.pictures.textures import texture
 
@@ -137,7 +137,7 @@ def _shares(e, x, y):
     return u * distance, v * distance, w * distance, distance
 
 
-@inner
+@outer
 def _texture_at(moment, t, x, y):
     """Return the linear colour and opacity of a triangle's texture at a point of the picture; white without one."""
     surfaces = moment.surfaces
@@ -160,7 +160,7 @@ def _texture_at(moment, t, x, y):
     return texture(surfaces.textures, image, across, down, stride)
 
 
-@inner
+@outer
 def _opacity(moment, t, x, y):
     """Return the opacity of a triangle at a point of the picture."""
     triangles, colors = moment.surfaces.triangles, moment.surfaces.colors
@@ -230,11 +230,12 @@ def _shaded(moment, t, u, v, w, x, y):
     part = surfaces.part[t]
     i, j, k = surfaces.triangles[t, 0], surfaces.triangles[t, 1], surfaces.triangles[t, 2]
     side = _seen_side(moment, i, j, k) if surfaces.two_sided[part] else 1.0
-    if _is_whole(surfaces, part):
-        return _from_vertices(moment, side, t, True, u, v, w)
+    is_whole = _is_whole(surfaces, part)
     red, green, blue = 1.0, 1.0, 1.0
     if surfaces.fine[part] and not surfaces.unlit[part]:
-        red, green, blue = _from_vertices(moment, side, t, False, u, v, w)
+        red, green, blue = _from_vertices(moment, side, t, is_whole, u, v, w)
+        if is_whole:
+            return red, green, blue
     elif not surfaces.unlit[part]:
         red, green, blue = _light(moment, side, i, j, k, u, v, w)
     r, g, b, _ = _texture_at(moment, t, x, y)

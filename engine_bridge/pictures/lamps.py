@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.pictures.camera import orthographic
-from engine_bridge.pictures.kernels import inner, kernel
+from engine_bridge.pictures.kernels import inner, kernel, outer
 from engine_bridge.pictures.surroundings import Lighting, StageExtent
 
 KEY_SIZES, SKY_SIZE = (512, 1024, 2048), 128
@@ -187,7 +187,7 @@ def _lit(light, x, y, z):
     return 1 - total / (OUTER_SAMPLES + INNER_SAMPLES)
 
 
-@inner
+@outer
 def irradiance(lamps, x, y, z, nx, ny, nz, lift):
     """Return the linear RGB light on a point (3) of a surface with a unit normal (3)."""
     towards = lamps.towards

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.pictures.kernels import inner
+from engine_bridge.pictures.kernels import inner, outer
 
 
 class Textures(NamedTuple):
@@ -60,7 +60,7 @@ def _halved(image: NDArray[np.float32]) -> NDArray[np.float32]:
     return halved if rows else image
 
 
-@inner
+@outer
 def texture(textures, number, u, v, stride):
     """Return the red, green, blue and opacity of an image at a point (u, v), in shares of its width and height.
 

@@ -31,23 +31,23 @@ def processes(monkeypatch):
 
 
 @pytest.mark.parametrize("already", [False, True], ids=["nothing compiled", "all compiled"])
-def test_a_second_process_starts_with_the_first_function_that_must_be_compiled(processes, monkeypatch, already):
+def test_processes_start_with_the_first_function_that_must_be_compiled(processes, monkeypatch, already):
     monkeypatch.setattr("puppetline.compiled.is_compiled", lambda _: already)
-    with compile_ahead.second_process():
+    with compile_ahead.compiling_ahead():
         processes.assert_not_called()
         when_begun.pop()()
-        assert processes.call_count == (0 if already else 1)
+        assert processes.call_count == (0 if already else 2)
 
 
-def test_a_second_process_is_the_only_one_and_ends_with_the_command(processes):
+def test_processes_start_once_and_end_with_the_command(processes):
     before = list(when_begun)
-    with compile_ahead.second_process(), compile_ahead.second_process(at_once=True):
+    with compile_ahead.compiling_ahead(), compile_ahead.compiling_ahead(at_once=True):
         assert when_begun == []
-        assert processes.call_args.args[0] == [sys.executable, "-m", "engine_bridge.cli.compile_ahead"]
+        begin = [sys.executable, "-m", "engine_bridge.cli.compile_ahead"]
+        assert [each.args[0] for each in processes.call_args_list] == [[*begin, name] for name in compile_ahead.WORK]
         processes.return_value.kill.assert_not_called()
-    processes.return_value.kill.assert_called_once_with()
-    processes.return_value.wait.assert_called_once_with()
-    with compile_ahead.second_process():  # of a command that compiles nothing
+    assert processes.return_value.kill.call_count == processes.return_value.wait.call_count == 2
+    with compile_ahead.compiling_ahead():  # of a command that compiles nothing
         assert len(when_begun) == len(before) + 1
     assert when_begun == before
 
@@ -63,7 +63,8 @@ def in_python_meanwhile():
 
 
 def test_what_is_compiled_ahead_is_what_a_performance_needs(limbed_figure, standing, frames, dance):
-    compile_ahead.compile_ahead()
+    for name in compile_ahead.WORK:
+        compile_ahead.compile_ahead(name)
     functions = (
         *(each.compiled for each in (limb_motion._step, feet._step, arms._step, smoothing._filter, retarget._ease)),
         *(nested_dissection, deformer._carry, deformer._turn, batch._blend, stretch._count),

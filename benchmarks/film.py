@@ -62,7 +62,7 @@ def measure_frame(folder: Path) -> None:
     both = [vertices + np.array([x, 0, 0], np.float32) for x in (-0.9, 0.9)]
     camera = Camera(np.array([0.6, 1.4, 5.0]), np.array([0.0, 0.85, 0.0]), 30)
     drawn = geometry([(character.parts, materials_of(character))] * 2)
-    grey = np.full((2, 2, 4), 230, np.uint8)
+    grey = np.full((1, 1, 4), 230, np.uint8)
     around = Surroundings(grey, textures([grey], np.linspace(0, 1, 256, dtype=np.float32)))
     stage, renderer = StageExtent(np.zeros(3), 1.6, 1.7, 1.6), Renderer(SIZE)
 

@@ -26,8 +26,7 @@ LIFT = 0.006
 
 _ANGLES = np.arange(OUTER_SAMPLES + INNER_SAMPLES) * np.pi * (3 - 5**0.5)
 _RADII = np.sqrt(np.concatenate([np.ones(OUTER_SAMPLES), (np.arange(INNER_SAMPLES) + 0.5) / INNER_SAMPLES]))
-_DISC = [tuple(each) for each in (np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES)]) * _RADII[:, None]).tolist()]
-_OUTER, _INNER = tuple(_DISC[:OUTER_SAMPLES]), tuple(_DISC[OUTER_SAMPLES:])
+_DISC = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES)]) * _RADII[:, None]
 
 
 class DepthMap(NamedTuple):
@@ -175,16 +174,14 @@ def _lit(light, x, y, z):
         return 1.0
     hidden = 0
     for k in range(OUTER_SAMPLES):
-        i, j = int(np.floor(row + high * _OUTER[k][1])), int(np.floor(column + wide * _OUTER[k][0]))
+        i, j = int(np.floor(row + high * _DISC[k, 1])), int(np.floor(column + wide * _DISC[k, 0]))
         hidden += _is_hidden(depths, i, j, depth)
     if hidden == 0 or hidden == OUTER_SAMPLES:
         return 1.0 - hidden / OUTER_SAMPLES
     total = 0.0
-    for k in range(OUTER_SAMPLES):
-        total += _hidden(depths, column + wide * _OUTER[k][0], row + high * _OUTER[k][1], depth)
-    for k in range(INNER_SAMPLES):
-        total += _hidden(depths, column + wide * _INNER[k][0], row + high * _INNER[k][1], depth)
-    return 1 - total / (OUTER_SAMPLES + INNER_SAMPLES)
+    for k in range(len(_DISC)):
+        total += _hidden(depths, column + wide * _DISC[k, 0], row + high * _DISC[k, 1], depth)
+    return 1 - total / len(_DISC)
 
 
 @outer

@@ -86,11 +86,10 @@ class Renderer:
         matrix = camera.matrix(self.size).tobytes()
         if self._is_behind != (matrix, stage, around):
             self._is_behind = matrix, stage, around
-            self._behind[:] = 0
             if isinstance(around.background, Panorama):
                 show_panorama(self._behind, around.background, seen)
             else:
-                show(self._behind, Overlay(around.background))
+                self._behind[:] = around.background
             if around.has_floor and around.floor is not None:
                 reach, tile = FLOOR_REACH * stage.radius, FLOOR_TILE * stage.size
                 show_floor(self._behind, around.floor, seen, stage.center, reach, tile)

@@ -80,7 +80,7 @@ class Surroundings:
     Attributes
     ----------
     background : (h, w, 4) uint8 or Panorama
-        A picture that covers the frame, or one that turns with the camera.
+        A picture of the frame's size or of one pixel, or one that turns with the camera.
     floor : Textures or None
         A picture that repeats on the floor; None for shadows on the background.
     has_floor : bool

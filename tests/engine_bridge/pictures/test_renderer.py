@@ -40,7 +40,7 @@ def picture(*squares, floor=None, shadows=False, background=(0, 0, 255), camera=
     drawn = geometry([([part_of(places, faces, normals)], [m]) for m, (places, normals), faces in squares])
     moved = [(places.astype(np.float32), normals.astype(np.float32)) for _, (places, normals), _ in squares]
     tile = None if floor is None else textures([np.array([[[*floor, 255]]], np.uint8)], SHADES)
-    behind = np.full((2, 2, 4), (*background, 255), np.uint8)
+    behind = np.full((1, 1, 4), (*background, 255), np.uint8)
     around = Surroundings(behind, tile, has_floor=floor is not None or shadows)
     over = [Overlay(pixels, opacity) for pixels, opacity in overlays]
     return Renderer(SIZE, samples).draw(camera, STAGE, drawn, moved, around, over)[..., :3]

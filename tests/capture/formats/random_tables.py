@@ -8,7 +8,7 @@ from capture.formats import read_log
 from capture.skeleton import JOINT_INDEX, JOINTS, PARENTS
 from puppetline.errors import SkeletonLogError
 
-from .test_positions import person
+from .people import person
 
 V2 = {"hip_center": "spine_base", "spine": "spine_mid", "shoulder_center": "spine_shoulder"}
 TRACKED = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")

@@ -10,7 +10,7 @@ from capture.formats._documents import is_document, load
 from capture.skeleton import JOINT_INDEX, JOINTS, PARENTS
 from puppetline.errors import SkeletonLogError
 
-from .test_positions import person
+from .people import person
 
 XML = """<?xml version="1.0"?>
 <session rate="30"><frame at="0.5"><joint name="head">1 2</joint><joint name="hip"><x>-1e-3</x></joint><empty/></frame>

@@ -7,7 +7,7 @@ from capture.skeleton import JOINTS, MAX_DISTANCE_METRES, SkeletonFrame
 from puppetline.errors import SkeletonLogError
 
 from ...recordings import record
-from .test_positions import person
+from .people import person
 
 FORMAT_OF_FOLDER = {
     "bvh": "bvh",

@@ -15,7 +15,7 @@ from capture.skeleton import JOINT_INDEX, JOINTS, PARENTS
 from puppetline.errors import SkeletonLogError
 
 from ...recordings import record
-from .test_positions import person
+from .people import person
 
 PATH = Path("take")
 

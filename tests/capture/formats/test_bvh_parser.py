@@ -3,9 +3,9 @@ import pytest
 
 from capture.formats import bvh, clips
 
-from .bvh_files import BODY, JOINT_COUNT, hierarchy, motion, random_rows
+from .bvh_files import lines_of, random_rows, still
 
-GOOD = ["HIERARCHY", *hierarchy(BODY), *motion(np.zeros((3, 3 + 3 * JOINT_COUNT)))]
+GOOD = lines_of(still(3))
 MOTION = GOOD.index("MOTION") + 1  # the number of its line, from 1
 
 
@@ -14,7 +14,7 @@ def broken(line, *text):
     return [*GOOD[: line - 1], *text, *GOOD[line:]] if text else GOOD[: line - 1]
 
 
-ZEROS = ["0"] * (3 + 3 * JOINT_COUNT)
+ZEROS = ["0"] * still().shape[1]
 
 
 @pytest.mark.parametrize(
@@ -53,8 +53,7 @@ def test_violations_of_the_format_are_refused_with_their_place(refused_at, lines
     assert refused_at(bvh, lines) == ("" if line is None else f"line {line}")
 
 
-ROWS = random_rows()
-WHOLE = "".join(f"{line}\n" for line in ["HIERARCHY", *hierarchy(BODY), *motion(ROWS)])
+WHOLE = "".join(f"{line}\n" for line in lines_of(random_rows()))
 
 
 @pytest.mark.parametrize(
@@ -105,8 +104,7 @@ def test_a_wrong_frame_count_or_a_file_cut_off_is_noted_and_all_complete_frames_
 
 
 def test_few_damaged_lines_of_motion_are_omitted_and_the_others_keep_their_time(read):
-    rows = random_rows(40, 7)
-    lines = ["HIERARCHY", *hierarchy(BODY), *motion(rows)]
+    lines = lines_of(random_rows(40, 7))
     (whole,) = read(bvh, lines)
     lines[-30] = lines[-30].rsplit(" ", 1)[0]
     lines[-10] += " 0.5"

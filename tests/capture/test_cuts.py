@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from capture.clip import SkeletonClip
 from capture.cuts import cut_frames
@@ -53,7 +54,7 @@ def test_no_frame_of_a_timeline_is_between_the_two_sides_of_a_cut(fps):
     carried = timeline.positions - BODY
     after = timeline.times >= times[30] - 1e-6
     expected = np.where(after, 3 + 0.5 * timeline.times, np.minimum(0.5 * timeline.times, 0.5 * times[29]))
-    np.testing.assert_allclose(carried[..., 0], expected[:, None].repeat(20, 1), atol=1e-5)
+    assert_allclose(carried[..., 0], expected[:, None].repeat(20, 1), atol=1e-5)
     assert (timeline.confidence == 1).all()
     assert np.isfinite(timeline.orientations).all()
     assert timeline.gaps == ()
@@ -66,7 +67,7 @@ def test_no_frame_is_between_the_two_sides_of_a_cut_after_a_lost_frame():
     confidence[29], positions[29] = 0, np.nan
     timeline = resample(SkeletonClip("test", 0, times, positions, confidence), 97)
     carried = (timeline.positions - BODY)[..., 0]
-    np.testing.assert_allclose(carried, np.where(timeline.times < times[30] - 1e-6, 0, 3)[:, None].repeat(20, 1))
+    assert_allclose(carried, np.where(timeline.times < times[30] - 1e-6, 0, 3)[:, None].repeat(20, 1))
 
 
 @pytest.mark.parametrize("lost", [1, 5, 12])
@@ -80,6 +81,6 @@ def test_a_joint_that_is_lost_before_or_after_a_cut_is_on_one_side_of_it(lost):
     timeline = resample(SkeletonClip("test", 0, times, positions, confidence), 97)
     carried = (timeline.positions - BODY)[..., 0]
     after = timeline.times >= times[30] - 1e-6
-    np.testing.assert_allclose(carried[:, head], np.where(after, 3, 0), atol=1e-9)
-    np.testing.assert_allclose(carried[:, hand], np.where(timeline.times >= times[30 + lost] - 1e-6, 3, 0), atol=1e-9)
+    assert_allclose(carried[:, head], np.where(after, 3, 0), atol=1e-9)
+    assert_allclose(carried[:, hand], np.where(timeline.times >= times[30 + lost] - 1e-6, 3, 0), atol=1e-9)
     assert not timeline.confidence[after & (timeline.times < times[30 + lost] - 1e-6), hand].any()

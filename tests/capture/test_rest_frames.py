@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from capture.rest_frames import in_place, resting_frames
@@ -52,8 +53,8 @@ def test_a_rest_pose_is_put_where_the_motion_begins():
     rest = in_place(T_POSE, frames)
     across = [pose[JOINT_INDEX["hip_right"]] - pose[JOINT_INDEX["hip_left"]] for pose in (rest, frames[0])]
     level = [each[[0, 2]] / np.linalg.norm(each[[0, 2]]) for each in across]
-    np.testing.assert_allclose(*level, atol=1e-12)
-    np.testing.assert_allclose(rest[0, [0, 2]], frames[0, 0, [0, 2]], atol=1e-12)
+    assert_allclose(*level, atol=1e-12)
+    assert_allclose(rest[0, [0, 2]], frames[0, 0, [0, 2]], atol=1e-12)
     assert rest[ANKLES, 1].min() == pytest.approx(np.median(frames[:, ANKLES, 1].min(axis=1)))
     lengths = [np.linalg.norm(pose[:, None] - pose[None], axis=2) for pose in (rest, T_POSE)]
-    np.testing.assert_allclose(*lengths, atol=1e-12)
+    assert_allclose(*lengths, atol=1e-12)

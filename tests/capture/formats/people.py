@@ -1,6 +1,7 @@
 """A person's positions under the names of several skeletons, and what readers must make of them."""
 
 import numpy as np
+from numpy.testing import assert_allclose
 
 from capture.skeleton import JOINT_INDEX, JOINTS
 
@@ -74,6 +75,6 @@ POINTS = joints_as(BLAZEPOSE)
 
 def assert_reads(clip, poses=PERSON, joints=slice(None), atol=1e-9, step=None):
     """A clip has the positions of poses, in all or some joints, and its times the step if one is given."""
-    np.testing.assert_allclose(clip.positions[:, joints], poses[:, joints], atol=atol)
+    assert_allclose(clip.positions[:, joints], poses[:, joints], atol=atol)
     if step is not None:
-        np.testing.assert_allclose(clip.times - clip.times[0], step * np.arange(len(poses)), atol=1e-6)
+        assert_allclose(clip.times - clip.times[0], step * np.arange(len(poses)), atol=1e-6)

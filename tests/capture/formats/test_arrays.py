@@ -5,6 +5,7 @@ import pickle
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.io import savemat
 from scipy.spatial.transform import Rotation
 
@@ -120,11 +121,11 @@ def test_smpl_parameters_turn_the_bones(read):
     assert clip.times[1] == pytest.approx(1 / 120)
     place = {joint: clip.positions[2, index] for joint, index in JOINT_INDEX.items()}
     arm = place["wrist_left"] - place["shoulder_left"]
-    np.testing.assert_allclose(arm / np.linalg.norm(arm), [0, -1, 0], atol=1e-9)
+    assert_allclose(arm / np.linalg.norm(arm), [0, -1, 0], atol=1e-9)
     other = place["wrist_right"] - place["shoulder_right"]
-    np.testing.assert_allclose(other / np.linalg.norm(other), [1, 0, 0], atol=1e-9)
+    assert_allclose(other / np.linalg.norm(other), [1, 0, 0], atol=1e-9)
     assert (place["head"] - place["hip_center"])[1] > 0.5
-    np.testing.assert_allclose(bone_ratios(clip.positions), 1, atol=1e-6)
+    assert_allclose(bone_ratios(clip.positions), 1, atol=1e-6)
     names, joints = smpl.positions(poses[:, :22], np.zeros((5, 3)))
     assert names == list(JOINT_SETS["smpl"])
     assert joints.shape == (5, 24, 3)
@@ -193,8 +194,8 @@ def test_features_of_humanml3d_become_joints(read):
     features[:, 4:67] = np.stack([turn.apply(pose) for turn, pose in zip(away, level, strict=True)]).reshape(count, -1)
     [clip] = read(arrays, saved(np.save, features.astype(np.float32)))
     [expected] = read(arrays, saved(np.save, joints), fps=20)
-    np.testing.assert_allclose(clip.positions, expected.positions, atol=1e-5)
-    np.testing.assert_allclose(clip.times, expected.times)
+    assert_allclose(clip.positions, expected.positions, atol=1e-5)
+    assert_allclose(clip.times, expected.times)
 
 
 @pytest.mark.parametrize(

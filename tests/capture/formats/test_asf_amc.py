@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from capture.formats import asf_amc, read_log
@@ -70,8 +71,8 @@ def test_a_motion_finds_its_skeleton_and_keeps_its_bones_and_its_way(take, skele
     assert clip.times.tolist() == [0, 1 / 120, 2 / 120]
     at = {joint: clip.positions[:, index] / unit for joint, index in JOINT_INDEX.items()}
     for joint, parent, length in (("knee_left", "hip_left", 7), ("elbow_right", "shoulder_right", 5)):
-        np.testing.assert_allclose(np.linalg.norm(at[joint] - at[parent], axis=1), length, rtol=0.01)
-    np.testing.assert_allclose(np.linalg.norm(np.diff(at["hip_center"], axis=0), axis=1), 1.0)
+        assert_allclose(np.linalg.norm(at[joint] - at[parent], axis=1), length, rtol=0.01)
+    assert_allclose(np.linalg.norm(np.diff(at["hip_center"], axis=0), axis=1), 1.0)
     assert (at["head"][:, 1] > at["hip_center"][:, 1]).all()
 
 

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from capture.formats import bvh, clips
 
@@ -110,8 +111,8 @@ def test_few_damaged_lines_of_motion_are_omitted_and_the_others_keep_their_time(
     lines[-10] += " 0.5"
     (clip,) = read(bvh, lines)
     kept = np.delete(np.arange(40), [10, 30])
-    np.testing.assert_array_equal(clip.times, whole.times[kept])
-    np.testing.assert_array_equal(clip.positions, whole.positions[kept])
+    assert_array_equal(clip.times, whole.times[kept])
+    assert_array_equal(clip.positions, whole.positions[kept])
     (note,) = set(clip.notes) - set(whole.notes)
     assert "2 of 40 frames" in note
 
@@ -129,8 +130,8 @@ def test_a_recording_without_a_frame_time_has_the_configured_rate(read, stated):
     (whole,), (given,) = read(bvh, WHOLE), read(bvh, WHOLE, fps=50.0)
     text = WHOLE.replace("Frame Time: 0.04", f"Frame Time: {stated}")
     for clip, rate in ((given, 50), *((read(bvh, text, fps=fps)[0], fps or 30) for fps in (50.0, None))):
-        np.testing.assert_allclose(clip.times, np.arange(6) / rate, rtol=0, atol=1e-12)
-        np.testing.assert_array_equal(clip.positions, whole.positions)
+        assert_allclose(clip.times, np.arange(6) / rate, rtol=0, atol=1e-12)
+        assert_array_equal(clip.positions, whole.positions)
         assert len(clip.notes) == len(whole.notes) + 1
 
 
@@ -139,7 +140,7 @@ def test_a_frame_time_in_milliseconds_a_missing_header_and_channels_before_the_o
 ):
     (whole,) = read(bvh, WHOLE)
     (clip,) = read(bvh, WHOLE.replace("Frame Time: 0.04", "Frame Time: 40"))
-    np.testing.assert_allclose(clip.times, whole.times)
+    assert_allclose(clip.times, whole.times)
     (clip,) = read(bvh, WHOLE.replace("Frames: 6\nFrame Time: 0.04\n", ""), fps=25)
     assert_same_frames(clip, whole)
     lines = WHOLE.splitlines()
@@ -152,7 +153,7 @@ def test_a_frame_time_in_milliseconds_a_missing_header_and_channels_before_the_o
 def test_a_hierarchy_without_motion_is_its_rest_pose(read):
     (rest,), (still,) = read(bvh, GOOD[: MOTION - 1]), read(bvh, GOOD)
     assert rest.times.tolist() == [0.0]
-    np.testing.assert_allclose(rest.positions[0], still.positions[0], atol=1e-12)
+    assert_allclose(rest.positions[0], still.positions[0], atol=1e-12)
 
 
 def test_more_places_than_memory_should_hold_are_refused(refused_at, monkeypatch):

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from capture.formats import c3d_file, read_log
 from capture.formats.options import ReadOptions
@@ -29,8 +30,8 @@ def write(path, frames=4, namespaces=("",)):
 def test_markers_are_those_of_the_same_motion_as_trc(tmp_path):
     (tmp_path / "a.trc").write_text("\n".join(trc(body(), frames=4)))
     (clip,), (same,) = (read_log(path) for path in (write(tmp_path / "a.c3d"), tmp_path / "a.trc"))
-    np.testing.assert_allclose(clip.times, same.times)
-    np.testing.assert_allclose(clip.positions, same.positions, atol=1e-5)
+    assert_allclose(clip.times, same.times)
+    assert_allclose(clip.positions, same.positions, atol=1e-5)
 
 
 def test_a_damaged_file_is_an_error(tmp_path):
@@ -60,7 +61,7 @@ def test_scales_may_be_integers(tmp_path):
         content[start + 7 : start + 13] = b"\x02\0" + (-1).to_bytes(2, "little", signed=True) + b"\0\0"
     (tmp_path / "b.c3d").write_bytes(content)
     (clip,) = read_log(tmp_path / "b.c3d")
-    np.testing.assert_array_equal(clip.positions, expected[0].positions)
+    assert_array_equal(clip.positions, expected[0].positions)
 
 
 def test_namespaces_are_performers(tmp_path):
@@ -68,7 +69,7 @@ def test_namespaces_are_performers(tmp_path):
     clips = read_log(write(tmp_path / "b.c3d", namespaces=("A:", "B:")))
     assert [clip.user for clip in clips] == [0, 1]
     for clip in clips:
-        np.testing.assert_allclose(clip.positions, alone.positions, atol=1e-3)
+        assert_allclose(clip.positions, alone.positions, atol=1e-3)
 
 
 def test_numbers_of_frames_may_be_a_table_of_one_row(tmp_path):
@@ -81,7 +82,7 @@ def test_numbers_of_frames_may_be_a_table_of_one_row(tmp_path):
     content[start:start] = own + field
     (tmp_path / "b.c3d").write_bytes(content)
     [clip] = read_log(tmp_path / "b.c3d")
-    np.testing.assert_array_equal(clip.positions, expected[0].positions)
+    assert_array_equal(clip.positions, expected[0].positions)
 
 
 def _end_of_parameters(content, start):

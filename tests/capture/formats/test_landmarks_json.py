@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from capture.formats import landmarks_json
 from capture.formats.layouts import JOINT_SETS
@@ -208,7 +209,7 @@ def test_a_pose_in_an_image_replaces_none_in_space(read):
     frames[2]["pose_world_landmarks"] = []
     [clip] = read(landmarks_json, json.dumps(frames))
     kept = [0, 1, 3]
-    np.testing.assert_allclose(clip.times, np.array(kept) / 30)
+    assert_allclose(clip.times, np.array(kept) / 30)
     assert_reads(clip, PERSON[kept], LIMBS)
 
 
@@ -222,7 +223,7 @@ def test_numbers_of_some_joints_are_those_of_the_order_that_gives_a_person(read)
     [clip] = read(landmarks_json, "\n".join(map(repr, frames)))
     assert_reads(clip, PERSON[:3], both("elbow", "wrist"))
     assert np.isnan(clip.positions[:, both("knee")]).all()
-    np.testing.assert_allclose(clip.times, [0, 0.2, 0.7], atol=1e-6)
+    assert_allclose(clip.times, [0, 0.2, 0.7], atol=1e-6)
 
 
 PLANE, SPACE = [[float(k), k / 3] for k in range(21)], [[float(k), k / 3, k * k / 7] for k in range(21)]

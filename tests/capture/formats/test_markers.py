@@ -2,6 +2,7 @@ import re
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from capture.formats import read_log
 from capture.formats.options import ReadOptions
@@ -69,13 +70,13 @@ def clip_of(tmp_path):
 @pytest.mark.parametrize("unit", [1000, 100, 1])
 def test_joints_lie_between_the_markers_on_both_sides_of_them(clip_of, separator, unit):
     clip = clip_of(trc(body(), unit=unit, separator=separator))
-    np.testing.assert_allclose(clip.times, [0, 0.01, 0.02])
+    assert_allclose(clip.times, [0, 0.01, 0.02])
     fixed = [index for name, index in JOINT_INDEX.items() if name not in ("spine", "hip_center")]
     found, expected = (
         np.linalg.norm(each[..., fixed, None, :] - each[..., None, fixed, :], axis=-1)
         for each in (clip.positions, np.array([[*STANDING.values()]] * 3))
     )
-    np.testing.assert_allclose(found, expected, atol=1e-6)
+    assert_allclose(found, expected, atol=1e-6)
     assert (clip.positions[:, JOINT_INDEX["head"], 1] > clip.positions[:, JOINT_INDEX["hip_center"], 1]).all()
 
 
@@ -159,7 +160,7 @@ SHANKS = {
     ids=["Qualisys", "MoCap Toolbox", "Motion Analysis", "many names, and markers that are never seen", "shanks"],
 )
 def test_other_spellings_and_markers_make_no_difference(clip_of, at):
-    np.testing.assert_allclose(clip_of(at).positions, clip_of(body()).positions, atol=1e-9)
+    assert_allclose(clip_of(at).positions, clip_of(body()).positions, atol=1e-9)
 
 
 @pytest.mark.parametrize("namespace", ["", "Someone:"])
@@ -172,11 +173,11 @@ def test_markers_may_be_columns_of_any_table(clip_of, namespace, header_rows):
     points = 1000 * np.add([*body().values()], [0, 0, 0.1]) @ AXES.T
     lines += [",".join([str(k), *map(str, points.ravel())]) for k in range(3)]
     moved = [each.positions[0] - each.positions[0, JOINT_INDEX["hip_center"]] for each in map(clip_of, (lines, body()))]
-    np.testing.assert_allclose(*moved, atol=1e-6)
+    assert_allclose(*moved, atol=1e-6)
 
 
 def test_a_rate_replaces_the_times_of_trc(clip_of):
-    np.testing.assert_allclose(np.diff(clip_of(body(), fps=50).times), 0.02)
+    assert_allclose(np.diff(clip_of(body(), fps=50).times), 0.02)
 
 
 def test_a_letter_tells_where_around_a_joint_a_marker_is(clip_of):
@@ -194,13 +195,13 @@ def test_a_letter_tells_where_around_a_joint_a_marker_is(clip_of):
         each[:, both("elbow")] - each[:, both("shoulder")]
         for each in (clip_of(at).positions, clip_of(body()).positions)
     )
-    np.testing.assert_allclose(found, expected, atol=1e-6)
+    assert_allclose(found, expected, atol=1e-6)
 
 
 def test_markers_may_be_lost_in_the_first_frames(clip_of):
     lines = trc(body(), frames=6)
     lines[5:8] = [f"{k}\t{(k - 1) / 100}" + 3 * len(body()) * "\tnan" for k in range(1, 4)]
     clip = clip_of(lines)
-    np.testing.assert_allclose(clip.times, [0.0, 0.01, 0.02, 0.03, 0.04, 0.05])
+    assert_allclose(clip.times, [0.0, 0.01, 0.02, 0.03, 0.04, 0.05])
     assert np.isnan(clip.positions[:3]).all()
     assert np.isfinite(clip.positions[3:, JOINT_INDEX["head"]]).all()

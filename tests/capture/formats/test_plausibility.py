@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy
+from numpy.testing import assert_array_equal
 
 from capture.formats import read_log
 from capture.formats.clips import build_clip
@@ -70,7 +71,7 @@ def test_a_contorted_body_is_refused_and_has_a_note_if_only_some_frames_have_it(
     assert thing in error.value.found
     some = np.concatenate([person(6), contort(person(4))])
     (clip,) = checked(PATH, [clip_of(some)])
-    np.testing.assert_array_equal(clip.positions, some)
+    assert_array_equal(clip.positions, some)
     assert clip.notes[0] == "one"
     assert thing.replace("100", "40") in clip.notes[1]
     few = np.concatenate([person(9), contort(person(1))])
@@ -122,7 +123,7 @@ def test_files_are_checked_but_not_own_takes_whose_joints_are_no_guess(tmp_path)
     with pytest.raises(SkeletonLogError, match="shoulders face away"):
         read_log(tmp_path / "take.csv")
     (clip,) = read_log(record(tmp_path / "take.log", list(clip_of(poses).frames())))
-    np.testing.assert_array_equal(clip.positions, poses)
+    assert_array_equal(clip.positions, poses)
 
 
 def test_bones_that_become_longer_and_shorter_have_a_note():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from capture.body import TYPICAL_BONE_METRES
@@ -45,14 +46,14 @@ def without_heading(poses):
 def test_unit_up_front_and_handedness_follow_from_the_person(unit, axes, signs, turn, seed):
     turned = PERSON @ Rotation.from_euler("y", turn, degrees=True).as_matrix().T
     clip = clip_of(unit * (turned[..., axes] * signs + np.random.default_rng(seed).normal(size=3)))
-    np.testing.assert_allclose(without_heading(clip.positions), without_heading(PERSON), atol=1e-9)
+    assert_allclose(without_heading(clip.positions), without_heading(PERSON), atol=1e-9)
 
 
 def test_positions_of_a_sensor_stay_where_they_are_in_any_order_of_the_joints():
     order = np.random.default_rng(3).permutation(len(JOINTS))
     names = [JOINTS[joint] for joint in order]
     clip = clip_of(PERSON[:, order], names, times=np.arange(4.0))
-    np.testing.assert_array_equal(clip.positions, PERSON)
+    assert_array_equal(clip.positions, PERSON)
     azure = clip_of(-1000 * PERSON[:, order] * [1, 1, -1], names)
     assert_reads(azure, atol=1e-12)
 
@@ -103,7 +104,7 @@ def test_a_missing_head_continues_the_neck_and_zeros_are_lost_but_for_hips_in_th
     at(poses, "hand_left")[2] = 0
     clip = clip_of(poses, [joint if joint != "head" else "prop" for joint in JOINTS])
     head = at(clip.positions, "head") - at(clip.positions, "shoulder_center")
-    np.testing.assert_allclose(head, [[0, TYPICAL_BONE_METRES["head"], 0]] * 4, atol=1e-12)
+    assert_allclose(head, [[0, TYPICAL_BONE_METRES["head"], 0]] * 4, atol=1e-12)
     assert np.argwhere(clip.confidence == 0).tolist() == [[2, JOINT_INDEX["hand_left"]]]
 
 
@@ -120,7 +121,7 @@ def test_the_first_frame_with_hips_is_the_one_that_is_placed():
     at(poses, "hip_center")[0] = np.nan
     clip = clip_of(100 * (poses - poses[1, 0]))
     known = np.isfinite(poses)
-    np.testing.assert_allclose(clip.positions[known], (PERSON - PERSON[1, 0] + [0, 0, 2.5])[known], atol=1e-9)
+    assert_allclose(clip.positions[known], (PERSON - PERSON[1, 0] + [0, 0, 2.5])[known], atol=1e-9)
 
 
 UNSEEN = PERSON.copy()
@@ -158,7 +159,7 @@ def test_an_end_of_a_limb_that_is_often_too_far_away_is_lost_there(joint):
     expected = person(8)
     expected[:6, ends] = np.nan
     assert_reads(clip, expected)
-    np.testing.assert_array_equal(clip.confidence == 0, np.isnan(expected[..., 0]))
+    assert_array_equal(clip.confidence == 0, np.isnan(expected[..., 0]))
     assert any(f"In 6 of 8 frames, {joint} is too far" in note for note in clip.notes)
     at(poses, joint)[6] += [1.2, 0, 0]
     with pytest.raises(SkeletonLogError, match=f"to {joint}"):
@@ -172,8 +173,8 @@ def test_few_frames_that_are_far_from_the_others_are_lost(far):
     poses[2 : 2 + far] += 9000
     clip = clip_of(poses)
     expected[2 : 2 + far] = np.nan
-    np.testing.assert_allclose(clip.positions, expected)
-    np.testing.assert_array_equal(clip.confidence == 0, np.isnan(expected[..., 0]))
+    assert_allclose(clip.positions, expected)
+    assert_array_equal(clip.confidence == 0, np.isnan(expected[..., 0]))
     assert f"{far} of 80 frames" in " ".join(clip.notes)
 
 
@@ -193,7 +194,7 @@ def test_positions_in_a_picture_get_one_unit(width, height, reach, in_pixels, de
         ways = np.stack([at(each, one) - at(each, other) for one, other in BONES], axis=1)
         ways /= np.linalg.norm(ways, axis=2, keepdims=True)
         angles.append(ways @ ways.swapaxes(1, 2))
-    np.testing.assert_allclose(*angles, atol=1e-6)
+    assert_allclose(*angles, atol=1e-6)
     assert "scaled to 1.7 m" in " ".join(clip.notes)
 
 
@@ -209,7 +210,7 @@ def test_depths_in_pixels_are_those_of_a_picture(up):
         / np.linalg.norm(at(each, "ankle_left") - at(each, "knee_left"), axis=1)
         for each in (clip.positions, PERSON)
     )
-    np.testing.assert_allclose(found, expected)
+    assert_allclose(found, expected)
 
 
 def test_a_head_without_ears_is_where_the_nose_is():
@@ -228,9 +229,9 @@ def test_hips_that_have_no_position_are_placed_below_the_shoulders(axes, signs):
         np.linalg.norm(np.diff(each[:, both("shoulder", "elbow", "wrist")[::2]], axis=1), axis=2)
         for each in (clip.positions, PERSON)
     )
-    np.testing.assert_allclose(bones, expected, atol=1e-9)
+    assert_allclose(bones, expected, atol=1e-9)
     down = clip.positions[:, both("shoulder")].mean(axis=1) - at(clip.positions, "hip_center")
-    np.testing.assert_allclose(down[:, [0, 2]], 0, atol=1e-9)
+    assert_allclose(down[:, [0, 2]], 0, atol=1e-9)
     assert ((down[:, 1] > 0.2) & (down[:, 1] < 0.8)).all()
     assert "No position for the hips. They are placed below the shoulders." in clip.notes
     assert np.isnan(at(clip.positions, "knee_left")).all()

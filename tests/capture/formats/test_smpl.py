@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from capture.formats import arrays, landmarks_json, smpl, table
@@ -74,7 +75,7 @@ def test_parameters_are_those_of_named_arrays(read, reader, content, way):
     assert reader.matches(content)
     [clip] = read(reader, content)
     [same] = read(arrays, saved(np.savez, poses=FLAT, trans=way))
-    np.testing.assert_allclose(clip.positions, same.positions, atol=1e-5)
+    assert_allclose(clip.positions, same.positions, atol=1e-5)
     assert "Parameters of the SMPL body; the bones have the lengths of a typical person." in clip.notes
 
 
@@ -83,7 +84,7 @@ def test_people_of_a_document_are_performers(read):
     clips = read(landmarks_json, json.dumps(people).encode())
     assert [clip.user for clip in clips] == [0, 1]
     [same] = read(arrays, saved(np.savez, poses=FLAT[::-1]))
-    np.testing.assert_allclose(clips[1].positions, same.positions, atol=1e-9)
+    assert_allclose(clips[1].positions, same.positions, atol=1e-9)
 
 
 @pytest.mark.parametrize("floor", [0.0, 1.0, -2.5])

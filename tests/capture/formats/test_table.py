@@ -5,6 +5,7 @@ import pytest
 import scipy
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 
 from capture.formats import table
 from capture.formats._cells import vector
@@ -235,7 +236,7 @@ def test_the_number_of_columns_tells_joints_states_and_time(read, lead, form, se
     [clip] = read(table, [f"{round(lead * k)}{separator}{line}" for k, line in enumerate(lines)] if lead else lines)
     assert_reads(clip)
     assert (clip.confidence == 1).all()
-    np.testing.assert_allclose(np.diff(clip.times), step, atol=1e-3)
+    assert_allclose(np.diff(clip.times), step, atol=1e-3)
 
 
 def test_states_blank_cells_and_zeros(read):
@@ -246,7 +247,7 @@ def test_states_blank_cells_and_zeros(read):
     [clip] = read(table, lines)
     expected = np.ones((4, 20))
     expected[2, :3] = 0.5, 0, 0
-    np.testing.assert_array_equal(clip.confidence, expected)
+    assert_array_equal(clip.confidence, expected)
 
 
 def test_a_fourth_number_of_a_cell_is_its_visibility(read):
@@ -365,7 +366,7 @@ def test_times_that_begin_again_follow_the_others(read):
 
 def test_lengths_may_be_feet(read):
     [clip] = read(table, [heads(), *wide(points=PERSON / 0.3048)])
-    np.testing.assert_allclose(clip.positions - clip.positions[:, :1], PERSON - PERSON[:, :1], atol=1e-9)
+    assert_allclose(clip.positions - clip.positions[:, :1], PERSON - PERSON[:, :1], atol=1e-9)
     assert any("feet" in note for note in clip.notes)
 
 
@@ -387,6 +388,6 @@ def test_the_first_joints_of_an_order_suffice(read):
 def test_a_list_of_points_may_be_empty(read):
     rows = wide("[{x}, {y}, {z}]", POINTS, lead='{time},"[', separator=", ", end=']"')
     [clip] = read(table, ["Timestamp,Pose", *rows, "0.25,[]"])
-    np.testing.assert_allclose(clip.positions[:-1, LIMBS], PERSON[:, LIMBS], atol=1e-9)
-    np.testing.assert_allclose(clip.times, [0, 0.04, 0.08, 0.12, 0.25])
+    assert_allclose(clip.positions[:-1, LIMBS], PERSON[:, LIMBS], atol=1e-9)
+    assert_allclose(clip.times, [0, 0.04, 0.08, 0.12, 0.25])
     assert (clip.confidence[-1] == 0).all()

@@ -3,6 +3,7 @@ from itertools import cycle, product
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from puppetline.examples.performances import PERFORMANCES, clean
 
 from capture.clip import SkeletonClip
@@ -20,8 +21,8 @@ NOISY = list(product((WALK, KUNG_FU, TURN), (BESIDE, BEHIND), (1, 2)))
 def test_without_noise_pose_and_clock_are_exact(name, pose):
     clip = clean(name)
     found = align(VirtualSensor(HERE).record(clip), VirtualSensor(pose, 1.7).record(clip), "two")
-    np.testing.assert_allclose(found.pose.rotation, pose.rotation, atol=1e-9)
-    np.testing.assert_allclose(found.pose.position, pose.position, atol=1e-9)
+    assert_allclose(found.pose.rotation, pose.rotation, atol=1e-9)
+    assert_allclose(found.pose.position, pose.position, atol=1e-9)
     assert found.clock == pytest.approx(1.7, abs=1e-9)
     assert found.residual < 1e-9
     assert found.swapped > 0.98 if pose is BEHIND else found.swapped < 0.1

@@ -4,6 +4,7 @@ from select import select
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from capture.clip import SkeletonClip
 from capture.events import Cue, Lost, Tick
@@ -114,11 +115,11 @@ def test_two_sensors_make_one_performer_in_the_coordinates_and_on_the_clock_of_t
     opener.show("b", frame(BESIDE, start + 0.041, user=5))
     [seen] = next_events(source)
     assert (seen.time, seen.user) == (start, 1)
-    np.testing.assert_allclose(seen.positions, WALK.positions[0], atol=1e-9)
+    assert_allclose(seen.positions, WALK.positions[0], atol=1e-9)
     opener.show("b", frame(BESIDE, start + 0.25, user=5))  # the first is silent
     [seen] = next_events(source)
     assert (seen.time, seen.user) == (pytest.approx(start + 0.21), 1)
-    np.testing.assert_allclose(seen.positions, WALK.positions[0], atol=1e-9)
+    assert_allclose(seen.positions, WALK.positions[0], atol=1e-9)
     assert source.counts.received == 3
     times = [start + 0.3 + 0.001 * k for k in range(5)]
     opener.show("a", *(frame(HERE, each) for each in times))
@@ -204,6 +205,6 @@ def test_recordings_play_together_by_their_clocks_every_frame_and_then_end(until
     times = np.array([event.time for event in events])
     true = part(WALK, 0, 40)  # the earlier one begins at 0
     assert times[0] == pytest.approx(start, abs=1e-3)
-    np.testing.assert_allclose(times - times[0], true.times, atol=1e-6)
-    np.testing.assert_allclose(np.stack([event.positions for event in events]), true.positions, atol=0.02)
+    assert_allclose(times - times[0], true.times, atol=1e-6)
+    assert_allclose(np.stack([event.positions for event in events]), true.positions, atol=0.02)
     assert {event.user for event in events} == {1}

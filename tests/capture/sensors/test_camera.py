@@ -7,6 +7,7 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from capture.sensors.camera import Camera, Options, Video, load_opencv, open_camera, open_video, parse
 from puppetline.errors import SourceError
@@ -72,10 +73,10 @@ def test_wrong_options_are_errors_with_their_place(rest, field):
 def test_images_have_the_times_and_colours_of_the_video_and_then_it_ends(opened_video):
     video = opened_video()
     pictures = all_of(video)
-    np.testing.assert_allclose([picture.time for picture in pictures], np.arange(COUNT) / RATE, atol=1e-9)
+    assert_allclose([picture.time for picture in pictures], np.arange(COUNT) / RATE, atol=1e-9)
     for k, picture in enumerate(pictures):
         assert (picture.color.shape, picture.depth) == ((HEIGHT, WIDTH, 3), None)
-        np.testing.assert_allclose(picture.color.mean(axis=(0, 1)), (30 * k, 200, 10), atol=4)
+        assert_allclose(picture.color.mean(axis=(0, 1)), (30 * k, 200, 10), atol=4)
     with pytest.raises(SourceError) as caught:
         video.read(1.0)
     assert caught.value.found == "the end of the video"
@@ -91,8 +92,8 @@ def test_the_angle_between_the_images_corners_is_the_field_of_view(opened_video)
 def test_the_time_of_a_looped_video_increases(opened_video):
     video = opened_video(loop=True)
     pictures = [video.read(1.0) for _ in range(3 * COUNT)]
-    np.testing.assert_allclose([picture.time for picture in pictures], np.arange(3 * COUNT) / RATE, atol=1e-9)
-    np.testing.assert_array_equal(pictures[3].color, pictures[3 + 2 * COUNT].color)
+    assert_allclose([picture.time for picture in pictures], np.arange(3 * COUNT) / RATE, atol=1e-9)
+    assert_array_equal(pictures[3].color, pictures[3 + 2 * COUNT].color)
 
 
 @pytest.mark.parametrize("content", [b"", b"no video at all" * 100, b"RIFF\xff\xff\xff\xffAVI LIST"])

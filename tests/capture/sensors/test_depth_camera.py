@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from capture.sensors import depth_camera, freenect, openni, openni_library, orbbec, realsense
 from capture.sensors.depth_camera import MAX_ALONE_COUNT, Selection, metres, upward
@@ -121,8 +122,8 @@ def test_images_have_the_sensors_pixels_and_times(bus, opened, noise):
         sensor.show(depth, color, 1.0 + k / 30)
         picture = read(device)
         assert (picture.depth.dtype, picture.color.dtype) == (np.float32, np.uint8)
-        np.testing.assert_allclose(picture.depth, depth, rtol=2e-7)
-        np.testing.assert_array_equal(picture.color, color)
+        assert_allclose(picture.depth, depth, rtol=2e-7)
+        assert_array_equal(picture.color, color)
         assert picture.time == pytest.approx(1.0 + k / 30, abs=2e-6)
     assert (picture.lens.width, picture.lens.height) == (640, 480)
     assert picture.lens.project(np.array([0.0, 0.0, 1.0])).tolist() in ([320.0, 240.0], [311.0, 251.0])
@@ -135,7 +136,7 @@ def test_a_sensor_is_chosen_by_serial_number_and_two_work_at_once(bus, opened, n
     for sensor, images in zip(sensors, shown, strict=True):
         sensor.show(*images, 1.0)
     for device, (_, color) in zip(devices, shown, strict=True):
-        np.testing.assert_array_equal(read(device).color, color)
+        assert_array_equal(read(device).color, color)
 
 
 def test_a_sensor_that_is_not_plugged_in_is_an_error_that_lists_those_that_are(bus):
@@ -191,9 +192,9 @@ def test_a_lost_image_of_one_kind_costs_its_counterpart_only(bus, opened, noise,
     pictures = [picture for picture in pictures if picture is not None]
     for picture, (depth, color, moment) in zip(pictures, (shown[k] for k in (0, 2, 4, 5)), strict=True):
         assert picture.time == pytest.approx(moment, abs=2e-6)
-        np.testing.assert_allclose(picture.depth, depth, rtol=2e-7)
-        np.testing.assert_array_equal(picture.color, color)
-    np.testing.assert_allclose(pictures[-1].up, [0, 1, 0], atol=1e-6)
+        assert_allclose(picture.depth, depth, rtol=2e-7)
+        assert_array_equal(picture.color, color)
+    assert_allclose(pictures[-1].up, [0, 1, 0], atol=1e-6)
 
 
 @not_openni
@@ -228,15 +229,15 @@ def test_a_recording_plays_the_recorded_images_and_ends_or_its_time_increases(bu
     device = opened("file", str(path))
     for depth, color in pictures:
         picture = read(device)
-        np.testing.assert_allclose(picture.depth, depth, rtol=2e-7)
-        np.testing.assert_array_equal(picture.color, color)
+        assert_allclose(picture.depth, depth, rtol=2e-7)
+        assert_array_equal(picture.color, color)
     assert refused(lambda: read(device)).found == "the end of the recording"
     device, count = opened("file", str(path), loop=True), len(pictures)
     seen = [read(device) for _ in range(2 * count + 1)]
     spaces = [1 / 30 if k % count == 0 else step for k in range(1, len(seen))]
-    np.testing.assert_allclose(np.diff([picture.time for picture in seen]), spaces, atol=1e-5)
+    assert_allclose(np.diff([picture.time for picture in seen]), spaces, atol=1e-5)
     for k, picture in enumerate(seen):
-        np.testing.assert_allclose(picture.depth, pictures[k % count][0], rtol=2e-7)
+        assert_allclose(picture.depth, pictures[k % count][0], rtol=2e-7)
 
 
 @pytest.mark.parametrize("bus", [Orbbec], indirect=True)
@@ -263,7 +264,7 @@ def test_a_missing_library_is_an_error_with_the_command_that_installs_it(monkeyp
 
 def test_what_is_up_follows_from_the_acceleration_of_a_sensor_at_rest():
     tilted = 9.8 * np.array([0.0, -np.cos(0.3), -np.sin(0.3)])  # in the axes of an image: right, down and away
-    np.testing.assert_allclose(upward(tilted, np.eye(3)), [0, np.cos(0.3), -np.sin(0.3)])
+    assert_allclose(upward(tilted, np.eye(3)), [0, np.cos(0.3), -np.sin(0.3)])
     assert upward([0, -14.0, 0], np.eye(3)) is None
     assert metres(np.array([2500], np.uint16)).tolist() == [2.5]
 

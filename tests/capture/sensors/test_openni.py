@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from capture.sensors import depth_camera, oni_file
 from capture.sensors.depth_camera import Selection, parse
@@ -55,8 +56,8 @@ def test_a_function_that_a_sensor_lacks_is_logged_and_the_others_are_used(sensor
         "openni: Puppetline virtual sensor 0 cannot register depth to colour: depth is slightly displaced",
         "openni: the times of depth and colour of Puppetline virtual sensor 0 differ by 5.0 ms",
     ]
-    np.testing.assert_array_equal(picture.color, color)
-    np.testing.assert_array_equal(picture.depth[:, 8:], depth[:, :-8])
+    assert_array_equal(picture.color, color)
+    assert_array_equal(picture.depth[:, 8:], depth[:, :-8])
 
 
 def test_a_sensor_that_did_not_open_often_opens_once_it_can_and_closing_stops_it(sensor, noise):
@@ -169,8 +170,8 @@ def test_no_image_is_lost_where_a_recording_begins_again(recording, opened):
         device._oni.wait_for_any_stream([device._streams["depth"]], 0.05)
     for depth, color in (pictures[-1], *pictures):
         picture = read(device)
-        np.testing.assert_array_equal(picture.color, color)
-        np.testing.assert_allclose(picture.depth, depth, rtol=2e-7)
+        assert_array_equal(picture.color, color)
+        assert_allclose(picture.depth, depth, rtol=2e-7)
 
 
 def test_a_recording_can_be_closed_anywhere_many_times(recording):
@@ -179,4 +180,4 @@ def test_a_recording_can_be_closed_anywhere_many_times(recording):
     for k in range(60):
         with closing(OpenNIDevice(NAME, Selection("file", str(path)))) as device:
             for depth, _ in pictures[: k % 11]:
-                np.testing.assert_array_equal(read(device).depth, depth)
+                assert_array_equal(read(device).depth, depth)

@@ -7,6 +7,7 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from numpy.testing import assert_allclose, assert_array_equal
 
 from capture.sensors import depth_camera
 from capture.sensors.depth_camera import Selection
@@ -59,8 +60,8 @@ def test_a_bag_of_an_older_librealsense_plays(opened):
     for k in range(3):
         picture = read(device)
         assert picture.time == pytest.approx(1 + k / 30, abs=1e-6)
-        np.testing.assert_allclose(picture.depth, np.full((12, 16), 1 + k / 10), rtol=1e-6)
-        np.testing.assert_array_equal(picture.color, np.full((12, 16, 3), 10 * k))
+        assert_allclose(picture.depth, np.full((12, 16), 1 + k / 10), rtol=1e-6)
+        assert_array_equal(picture.color, np.full((12, 16, 3), 10 * k))
     with pytest.raises(SourceError):
         read(device)
 
@@ -103,7 +104,7 @@ def test_record_writes_the_images_beside_the_take(
     assert found.exit_code == 0, found.output
     # the device's thread closes it in its own time
     wait_until(lambda: sorted(path.name for path in tmp_path.iterdir()) == ["take.db3", "take.log"])
-    np.testing.assert_array_equal(read(opened("file", files[1])).color, images[1])
+    assert_array_equal(read(opened("file", files[1])).color, images[1])
     assert "a source whose sensor cannot record its images" in str(refused.exception)
 
 

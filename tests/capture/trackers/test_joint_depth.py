@@ -4,6 +4,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from capture.skeleton import JOINT_INDEX, TRACKED
 from capture.trackers import joint_depth
@@ -82,7 +83,7 @@ def test_a_joint_is_half_its_thickness_behind_the_skin_also_of_a_limb_that_is_wr
 ):
     depths, known, found = measured(drawn(), estimated=estimated, scale=scale)
     assert known.all()
-    np.testing.assert_allclose(depths, ESTIMATE, atol=5e-4)
+    assert_allclose(depths, ESTIMATE, atol=5e-4)
     assert found == pytest.approx(scale, abs=1e-3)
 
 
@@ -112,7 +113,7 @@ def test_a_joint_without_depth_keeps_its_estimated_offset_from_the_parent(measur
     patch(depth, BODY[HAND], 0.0)
     # the wrist is wrong, as depth tells, and the hand 7 cm before it
     depths, known, scale = measured(depth, estimated=changed(ESTIMATE, {WRIST: 0.2, HAND: 0.2 - 0.07}))
-    np.testing.assert_array_equal(np.flatnonzero(~known), [HAND])
+    assert_array_equal(np.flatnonzero(~known), [HAND])
     assert depths[HAND] == pytest.approx(depths[WRIST] - 0.07 * scale, abs=1e-9)
 
 
@@ -120,7 +121,7 @@ def test_hidden_joints_and_joints_outside_the_image_have_no_measured_depth(measu
     assert not measured(drawn(), confidence=changed(TRACKED_ALL, {WRIST: -0.51}))[1][WRIST]
     away = changed(BODY, {HAND: [-1.0, 0, 0]})
     assert LENS.project(away[HAND])[0] >= LENS.width
-    np.testing.assert_array_equal(np.flatnonzero(~measured(drawn(), away)[1]), [HAND])
+    assert_array_equal(np.flatnonzero(~measured(drawn(), away)[1]), [HAND])
 
 
 def test_too_few_joints_with_depth_give_no_result(measured):
@@ -140,5 +141,5 @@ def test_arrays_of_any_layout_give_the_same_without_compiling_again(measured):
     locked.flags.writeable = False
     for same in (locked, np.asfortranarray(depth), np.repeat(depth, 2, axis=1)[:, ::2]):
         for one, other in zip(measure(joint_depth, same), expected, strict=True):
-            np.testing.assert_allclose(one, other, rtol=1e-12)
+            assert_allclose(one, other, rtol=1e-12)
     assert joint_depth._measure.signatures == compiled

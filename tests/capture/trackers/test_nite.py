@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from capture.sensors import openni
 from capture.sensors.depth_camera import Selection
@@ -155,8 +156,8 @@ def test_calibrated_users_are_performers_with_the_librarys_joints_and_those_betw
     first, second = look(1.1)
     assert (first.user, second.user) == (4, 5)
     assert_of_fifteen(first.positions, first.confidence, performer)
-    np.testing.assert_allclose(second.positions, first.positions - [0.8, 0, 0], atol=1e-6)
-    np.testing.assert_array_equal(second.confidence[OURS], confidence.astype(np.float32))
+    assert_allclose(second.positions, first.positions - [0.8, 0, 0], atol=1e-6)
+    assert_array_equal(second.confidence[OURS], confidence.astype(np.float32))
 
 
 def test_sides_of_a_sensor_that_stays_mirrored_are_the_performers_own(sensor, stand_in, open_nite, body):
@@ -167,7 +168,7 @@ def test_sides_of_a_sensor_that_stays_mirrored_are_the_performers_own(sensor, st
     look = open_nite()
     look(1.0)
     [person] = look(1.1)
-    np.testing.assert_allclose(person.positions[JOINT_INDEX["hand_left"]], [-0.5, 0.2, 2.0], atol=1e-6)
+    assert_allclose(person.positions[JOINT_INDEX["hand_left"]], [-0.5, 0.2, 2.0], atol=1e-6)
 
 
 @pytest.mark.parametrize(("sure", "factor"), [(0, 1), (1, np.nan)])

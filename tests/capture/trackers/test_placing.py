@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from capture import body
 from capture.skeleton import INFERRED, JOINT_INDEX, OPPOSITE, PARENTS, TRACKED
@@ -80,11 +81,11 @@ def test_the_distance_of_a_posture_is_exact(placing, place):
 
 def test_the_height_determines_the_scale_without_depth(BodyPlacer):
     positions, confidence = placed(BodyPlacer(body.height(TRUTH)))
-    np.testing.assert_allclose(positions, TRUTH, atol=1e-5)
-    np.testing.assert_array_equal(confidence, TRACKED_ALL)
+    assert_allclose(positions, TRUTH, atol=1e-5)
+    assert_array_equal(confidence, TRACKED_ALL)
     small, tall = (placed(BodyPlacer(height))[0] for height in (1.4, 2.0))
     crown_and_soles = body.HEAD_TOP_METRES + body.ANKLE_HEIGHT_METRES
-    np.testing.assert_allclose(tall, small * (2.0 - crown_and_soles) / (1.4 - crown_and_soles))
+    assert_allclose(tall, small * (2.0 - crown_and_soles) / (1.4 - crown_and_soles))
 
 
 def test_height_and_sides_are_exact_and_bones_keep_their_lengths_for_noisy_estimates(BodyPlacer):
@@ -96,7 +97,7 @@ def test_height_and_sides_are_exact_and_bones_keep_their_lengths_for_noisy_estim
         }
         positions, _ = placed(placer, time=k / 30, confidence=rng.uniform(0, 1, 20).astype(np.float32), **noisy)
         assert body.height(positions) == pytest.approx(1.6, abs=1e-9)
-        np.testing.assert_allclose(bones(positions), bones(positions)[OPPOSITE], atol=1e-9)
+        assert_allclose(bones(positions), bones(positions)[OPPOSITE], atol=1e-9)
     placer, guessed, found = BodyPlacer(1.7), [], []
     for k in range(90):
         posture = POSTURE + rng.normal(0, 0.02, (20, 3))
@@ -119,9 +120,9 @@ def test_depth_places_joints_exactly_whatever_the_height_and_the_scale_outlasts_
     placer, depth = BodyPlacer(1.2), depth_of()
     depth[around(KNEE, 20, 20, -1, 20)] = 4.5  # a wall beside a thin limb
     positions, confidence = placed(placer, depth)
-    np.testing.assert_array_equal(confidence, TRACKED_ALL)
-    np.testing.assert_allclose(positions, TRUTH, atol=1e-3)
-    np.testing.assert_allclose(placed(placer, time=0.1)[0], TRUTH, atol=0.01)
+    assert_array_equal(confidence, TRACKED_ALL)
+    assert_allclose(positions, TRUTH, atol=1e-3)
+    assert_allclose(placed(placer, time=0.1)[0], TRUTH, atol=0.01)
 
 
 def test_a_joint_without_depth_is_inferred_at_its_estimate(BodyPlacer):
@@ -130,13 +131,13 @@ def test_a_joint_without_depth_is_inferred_at_its_estimate(BodyPlacer):
     positions, confidence = placed(BodyPlacer(1.7), depth)
     expected = TRACKED_ALL.copy()
     expected[[HAND, HEAD]] = INFERRED
-    np.testing.assert_array_equal(confidence, expected)
-    np.testing.assert_allclose(positions, TRUTH, atol=0.01)
+    assert_array_equal(confidence, expected)
+    assert_allclose(positions, TRUTH, atol=0.01)
 
 
 def test_an_empty_depth_image_is_like_none_and_pixels_that_no_body_can_have_give_no_result(BodyPlacer):
     empty = np.zeros((LENS.height, LENS.width), np.float32)
     for with_it, without in zip(placed(BodyPlacer(1.7), empty), placed(BodyPlacer(1.7)), strict=True):
-        np.testing.assert_array_equal(with_it, without)
+        assert_array_equal(with_it, without)
     for pixels in (LENS.project(TRUTH) * -1, np.full((20, 2), 100.0)):  # upside down, and a heap
         assert placed(BodyPlacer(1.7), pixels=pixels) is None

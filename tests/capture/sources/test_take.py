@@ -5,11 +5,9 @@ import numpy as np
 import pytest
 from puppetline.examples.performances import clean
 
-from capture.clip import SkeletonClip
 from capture.events import Cue, Lost, Tick
 from capture.formats.puppetline_log import events
 from capture.fusion.source import FusedSource, Member
-from capture.recording import as_recorded
 from capture.sensor_pose import SensorPose
 from capture.skeleton import SkeletonFrame
 from capture.sound import SAMPLE_RATE, Block
@@ -20,14 +18,9 @@ from capture.sources.take import RecordSummary, record
 from puppetline import clock
 from puppetline.errors import OutputError, SourceError
 
-from ...recordings import key
+from ...recordings import key, keys, random_clip
 
 pytestmark = pytest.mark.usefixtures("given_clock")
-
-
-def make_clip(times, user=1):
-    positions = np.random.default_rng(user).normal(size=(len(times), 20, 3))
-    return SkeletonClip("made", user, np.array(times), positions, np.ones((len(times), 20), np.float32))
 
 
 END = SourceError("openni:", found="an unplugged sensor", expected="a sensor", fix="Plug it in.")
@@ -63,13 +56,13 @@ def frame(time, user=1):
 
 
 def test_a_source_is_recorded_until_it_ends(tmp_path):
-    clips = [make_clip([10.0, 10.01, 10.3]), make_clip([10.02], user=7)]
+    clips = [random_clip([10.0, 10.01, 10.3]), random_clip([10.02], user=7)]
     reports = []
     path = tmp_path / "evening.take"
     summary = record(RecordingSource.of_clips("demo:x", clips), path, report=lambda *report: reports.append(report))
     came = list(events(path))
     frames = sorted((frame for clip in clips for frame in clip.frames()), key=lambda frame: frame.time)
-    assert [key(e) for e in came if isinstance(e, SkeletonFrame)] == [key(as_recorded(frame)) for frame in frames]
+    assert [key(e) for e in came if isinstance(e, SkeletonFrame)] == keys(frames)
     assert [type(e) for e in came if not isinstance(e, SkeletonFrame)] == [Tick] * 8
     assert summary == RecordSummary(
         take=str(path),
@@ -86,7 +79,7 @@ def test_a_source_is_recorded_until_it_ends(tmp_path):
 
 def test_a_recording_replays_the_same_events_and_records_again_to_the_same_bytes(tmp_path):
     first, second = tmp_path / "first.take", tmp_path / "second.take"
-    record(RecordingSource.of_clips("demo:x", [make_clip(np.arange(12) / 60)]), first)
+    record(RecordingSource.of_clips("demo:x", [random_clip(np.arange(12) / 60)]), first)
     record(RecordingSource.of_file("replay:first", first), second)
     assert second.read_bytes() == first.read_bytes()
 
@@ -116,7 +109,7 @@ def test_the_end_of_fused_recordings_is_no_error(tmp_path):
     members = [Member(name, SensorPose(np.eye(3), np.zeros(3))) for name in ("one", "other")]
     times = [0.0, 0.05, 0.1]
     source = FusedSource(
-        "fused:", members, lambda name: RecordingSource.of_clips(name, [make_clip(times)], False), True
+        "fused:", members, lambda name: RecordingSource.of_clips(name, [random_clip(times)], False), True
     )
     summary = record(source, tmp_path / "take")
     assert (summary.ended, summary.why) == ("source", "")
@@ -156,7 +149,7 @@ def test_stopped_it_leaves_a_take_that_can_be_read(tmp_path):
     summary = record(RecordingSource.of_clips("demo:walk", [walk], loop=True), path, report=stop)
     assert (summary.frames, summary.ended) == (5, "stopped")
     frames = [event for event in events(path) if isinstance(event, SkeletonFrame)]
-    assert list(map(key, frames)) == [key(as_recorded(each)) for each in islice(walk.frames(), 5)]
+    assert list(map(key, frames)) == keys(islice(walk.frames(), 5))
     assert path.read_bytes().endswith(b"}\n")
 
 

@@ -15,13 +15,13 @@ import pytest
 
 from capture.events import Tick
 from capture.sensors.source import SensorSource
-from capture.skeleton import JOINT_INDEX, SkeletonFrame
+from capture.skeleton import SkeletonFrame
 from capture.source import wait
 from capture.trackers.picture import Lens, Person, Picture
 
 from ..outside import OPENNI_HEADERS, found
 from ..waiting import wait_until
-from .bodies import STANDING
+from .bodies import STANDS
 
 LENS = Lens(4, 3, 4.0)
 
@@ -343,4 +343,4 @@ def write_dump(tmp_path):
 @pytest.fixture
 def performer():
     """(20, 3) joints of a performer who faces the sensor, 2.5 m away, with the right arm up."""
-    return np.array([STANDING[name] for name in JOINT_INDEX]) + np.array([0.1, 0.05, 2.5])
+    return STANDS + np.array([0.1, 0.05, 2.5])

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 from capture.rest_frames import in_place, resting_frames
 from capture.skeleton import JOINT_INDEX
 
-from .bodies import STANDING, body
+from .bodies import STANDS, body
 
 WAYS = {
     "hip_center": (0, 0, 0),
@@ -23,7 +23,7 @@ WAYS = {
     "foot": (0, -0.03, -0.09),
 }
 T_POSE = body(WAYS, (0, 0, 0))
-PERFORMER = np.array(list(STANDING.values())) + np.array([3, 1, 0])
+PERFORMER = STANDS + np.array([3, 1, 0])
 ANKLES = [JOINT_INDEX["ankle_left"], JOINT_INDEX["ankle_right"]]
 
 

@@ -8,7 +8,7 @@ from capture.sensor_pose import SensorPose
 from capture.sensor_tilt import SensorTilt, estimate_tilt
 from capture.skeleton import JOINT_INDEX, JOINTS
 
-from .bodies import STANDING
+from .bodies import STANDS
 
 ANKLES = [JOINT_INDEX["ankle_left"], JOINT_INDEX["ankle_right"]]
 
@@ -24,7 +24,7 @@ def turned(pose, degrees, height):
 @pytest.fixture
 def upright():
     """Return a performer on the floor, with ankles at their height above it, and legs and trunk in one line."""
-    pose = np.array([STANDING[name] for name in JOINTS]) * [1, 1, 0.2] + [0, 0, 2.5]
+    pose = STANDS * [1, 1, 0.2] + [0, 0, 2.5]
     pose[:, 1] += 0.09 - pose[ANKLES, 1].mean()
     return pose
 

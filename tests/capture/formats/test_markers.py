@@ -9,7 +9,7 @@ from capture.formats.options import ReadOptions
 from capture.skeleton import JOINT_INDEX
 from puppetline.errors import SkeletonLogError
 
-from ..bodies import STANDING
+from ..bodies import STANDING, STANDS
 from .people import both
 
 AXES = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
@@ -74,7 +74,7 @@ def test_joints_lie_between_the_markers_on_both_sides_of_them(clip_of, separator
     fixed = [index for name, index in JOINT_INDEX.items() if name not in ("spine", "hip_center")]
     found, expected = (
         np.linalg.norm(each[..., fixed, None, :] - each[..., None, fixed, :], axis=-1)
-        for each in (clip.positions, np.array([[*STANDING.values()]] * 3))
+        for each in (clip.positions, np.array([STANDS] * 3))
     )
     assert_allclose(found, expected, atol=1e-6)
     assert (clip.positions[:, JOINT_INDEX["head"], 1] > clip.positions[:, JOINT_INDEX["hip_center"], 1]).all()

@@ -10,7 +10,7 @@ from capture.network import source
 from capture.network.source import open_osc, open_vmc
 from capture.skeleton import JOINT_INDEX, SkeletonFrame
 
-from ..bodies import STANDING
+from ..bodies import STANDS
 from ..conftest import Watched
 
 
@@ -86,8 +86,7 @@ def rng():
 def walking(step):
     """Return joints (20, 3) in the sensor frame: from 3 m away towards the sensor and to the performer's right."""
     phase = step * 0.5
-    pose = np.array([STANDING[name] for name in JOINT_INDEX])
-    pose += [0.3 + 0.04 * step, -0.2 + 0.02 * np.sin(2 * phase), 3.0 - 0.07 * step]
+    pose = STANDS + np.array([0.3 + 0.04 * step, -0.2 + 0.02 * np.sin(2 * phase), 3.0 - 0.07 * step])
     for side, reach in (("left", 1.0), ("right", -1.0)):
         for joint, share in (("knee", 0.125), ("ankle", 0.25), ("foot", 0.25), ("elbow", -0.1), ("hand", -0.2)):
             pose[JOINT_INDEX[f"{joint}_{side}"], 2] += share * reach * np.sin(phase)

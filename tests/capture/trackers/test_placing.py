@@ -5,14 +5,11 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from capture import body
-from capture.skeleton import INFERRED, JOINT_INDEX, OPPOSITE, PARENTS, TRACKED
-from capture.trackers.joint_depth import SKIN_TO_JOINT_METRES
-from capture.trackers.picture import Lens
+from capture.skeleton import INFERRED, JOINT_INDEX, OPPOSITE, PARENTS
 
 from .. import bodies
+from .skin import LENS, TRACKED_ALL, WALL_METRES, drawn
 
-LENS = Lens(640, 480, 525.0)
-TRACKED_ALL = np.full(20, TRACKED, np.float32)
 HAND, HEAD, KNEE = (JOINT_INDEX[joint] for joint in ("hand_left", "head", "knee_right"))
 
 WAYS = bodies.table("""
@@ -36,18 +33,6 @@ POSTURE = (TRUTH - TRUTH[0]) / 1.2
 
 def bones(joints):
     return np.array([0, *(np.linalg.norm(joints[JOINT_INDEX[a]] - joints[JOINT_INDEX[b]]) for a, b in PARENTS.items())])
-
-
-def depth_of(joints=TRUTH, wall=4.5, without=()):
-    """Return a depth image, in metres, of a disc of skin for each joint in front of a wall."""
-    depth = np.full((LENS.height, LENS.width), wall, np.float32)
-    rows, columns = np.indices(depth.shape)
-    for joint in np.argsort(-joints[:, 2]):
-        if joint not in without:
-            column, row = LENS.project(joints[joint])
-            disc = np.hypot(columns - column, rows - row) < 0.05 * LENS.focal / joints[joint, 2]
-            depth[disc] = round(joints[joint, 2] - SKIN_TO_JOINT_METRES[joint], 3)
-    return depth
 
 
 def around(joint, up, down, left, right):
@@ -117,8 +102,8 @@ def test_the_estimated_distance_is_smoothed_with_a_time_constant_of_0_1_s(BodyPl
 
 
 def test_depth_places_joints_exactly_whatever_the_height_and_the_scale_outlasts_the_depth(BodyPlacer):
-    placer, depth = BodyPlacer(1.2), depth_of()
-    depth[around(KNEE, 20, 20, -1, 20)] = 4.5  # a wall beside a thin limb
+    placer, depth = BodyPlacer(1.2), drawn(TRUTH, size=9)
+    depth[around(KNEE, 20, 20, -1, 20)] = WALL_METRES  # a wall beside a thin limb
     positions, confidence = placed(placer, depth)
     assert_array_equal(confidence, TRACKED_ALL)
     assert_allclose(positions, TRUTH, atol=1e-3)
@@ -126,7 +111,7 @@ def test_depth_places_joints_exactly_whatever_the_height_and_the_scale_outlasts_
 
 
 def test_a_joint_without_depth_is_inferred_at_its_estimate(BodyPlacer):
-    depth = depth_of(without=[HAND])
+    depth = drawn(TRUTH, without=[HAND], size=9)
     depth[around(HEAD, 60, 20, 40, 40)] = 1.0  # an object in front of the face
     positions, confidence = placed(BodyPlacer(1.7), depth)
     expected = TRACKED_ALL.copy()

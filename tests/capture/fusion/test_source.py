@@ -13,7 +13,7 @@ from capture.skeleton import SkeletonFrame
 from capture.source import Counts, wait
 from capture.sources.replay import RecordingSource
 from puppetline import clock
-from puppetline.errors import SourceError
+from puppetline.errors import RecordingEndError, SourceError
 
 from .virtual_sensors import BESIDE, HERE, WALK, VirtualSensor
 
@@ -198,7 +198,7 @@ def test_recordings_play_together_by_their_clocks_every_frame_and_then_end(until
         FusedSource("fused:", members, lambda uri: RecordingSource.of_clips(uri, [clips[uri]]), recorded=True)
     )
     start, events = clock.now(), []
-    with pytest.raises(SourceError) as ended:  # noqa: PT012
+    with pytest.raises(RecordingEndError) as ended:  # noqa: PT012
         while True:
             events += next_events(source)
     assert ended.value.where == "fused:"

@@ -31,6 +31,19 @@ def message_of(line):
     return message(address, tags, *(READ[tag](word) for tag, word in zip(tags, words, strict=False)))
 
 
+def osceleton(name, user, x, y, z):
+    return message("/joint", "sifff", name, user, x, y, z)
+
+
+def kinect_sdk(name, place, confidence=1.0, *, user=2, time=5.0, address="/joint"):
+    return message(address, "siiffffd", name, 0, user, *place, confidence, time)
+
+
+def known(frame):
+    """Return the place of each joint that is not lost."""
+    return {joint: frame.positions[index].tolist() for joint, index in JOINT_INDEX.items() if frame.confidence[index]}
+
+
 class Wire(Watched):
     """An open source, and a socket that sends to it."""
 

@@ -7,8 +7,6 @@ from puppetline.examples.performances import clean
 
 from capture.events import Cue, Lost, Tick
 from capture.formats.puppetline_log import events
-from capture.fusion.source import FusedSource, Member
-from capture.sensor_pose import SensorPose
 from capture.skeleton import SkeletonFrame
 from capture.sound import SAMPLE_RATE, Block
 from capture.sound_input import SoundInput
@@ -77,13 +75,6 @@ def test_a_source_is_recorded_until_it_ends(tmp_path):
     assert reports[-1][0] == 4
 
 
-def test_a_recording_replays_the_same_events_and_records_again_to_the_same_bytes(tmp_path):
-    first, second = tmp_path / "first.take", tmp_path / "second.take"
-    record(RecordingSource.of_clips("demo:x", [random_clip(np.arange(12) / 60)]), first)
-    record(RecordingSource.of_file("replay:first", first), second)
-    assert second.read_bytes() == first.read_bytes()
-
-
 @pytest.mark.parametrize("given", [[frame(1.0), frame(1.1, 4), Lost(1.2, 1), frame(1.3, 4)], []])
 def test_all_events_of_a_live_source_are_recorded_as_they_arrive(tmp_path, given):
     summary = record(Scripted(*given), tmp_path / "take", seconds=0.2)
@@ -103,17 +94,6 @@ def test_the_error_of_a_source_is_reported_and_earlier_events_are_kept(tmp_path,
     assert (summary.ended, summary.why) == ("source", str(END))
     assert path.exists() == (Lost(1.0, 1) in came)
     assert not path.exists() or list(events(path)) == came
-
-
-def test_the_end_of_fused_recordings_is_no_error(tmp_path):
-    members = [Member(name, SensorPose(np.eye(3), np.zeros(3))) for name in ("one", "other")]
-    times = [0.0, 0.05, 0.1]
-    source = FusedSource(
-        "fused:", members, lambda name: RecordingSource.of_clips(name, [random_clip(times)], False), True
-    )
-    summary = record(source, tmp_path / "take")
-    assert (summary.ended, summary.why) == ("source", "")
-    assert summary.frames > 0
 
 
 def test_a_take_and_a_sound_that_are_there_are_replaced_only_by_force(tmp_path):

@@ -62,9 +62,8 @@ def test_orientations_centres_of_mass_and_unused_joints_are_ignored(listen):
     joints = [osceleton(name, 3, 0.5, 0.5, 1.0) for name in ("l_collar", "l_fingertip", "r_finger", "head")]
     turns = message("/orient", "si" + 9 * "f", "head", 3, *[0.0] * 9), message("/orient/head/3", 9 * "f", *[0.0] * 9)
     users = message("/new_user", "i", 3), message("/new_skel", "i", 3), message("/user/3", "fff", 0.5, 0.5, 1.0)
-    joints += [
-        osceleton("L_Collar", 3, 0.5, 0.5, 1.0).replace(b",s", b",S")
-    ]  # in any case, and a string of another type
+    # in any case, and a string of another type
+    joints.append(osceleton("L_Collar", 3, 0.5, 0.5, 1.0).replace(b",s", b",S"))
     frame = wire.frame(*users, bundle(*turns, *joints))
     assert known(frame).keys() == {"head"}
     assert not wire.source.counts.refused

@@ -15,6 +15,11 @@ def random_frame(time, user=1, channels=None):
     return SkeletonFrame(time, user, positions, confidence, channels=channels)
 
 
+def tracked_frame(time, positions, user=1):
+    """Return a frame of a performer whose joints are all tracked."""
+    return SkeletonFrame(time, user, positions, np.ones(20, np.float32))
+
+
 def random_clip(times, user=1):
     """Return a clip of random frames."""
     frames = [random_frame(time, user) for time in times]

@@ -128,10 +128,10 @@ def scripted_tracker():
 
 
 @pytest.fixture
-def watch(until_end):
-    """Open a source of a device and a tracker, or of functions that open them."""
+def watch(until_end, scripted_device, scripted_tracker):
+    """Open a source of the scripted device and tracker, or of other ones, or of functions that open them."""
 
-    def opened(device, tracker, **options):
+    def opened(device=scripted_device, tracker=scripted_tracker, **options):
         open_device = device if callable(device) else lambda: device
         open_tracker = tracker if callable(tracker) else lambda _device: tracker
         return Watched(until_end(SensorSource("test:", open_device, open_tracker, **options)))

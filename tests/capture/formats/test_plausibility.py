@@ -16,7 +16,7 @@ from capture.skeleton import JOINT_INDEX, JOINTS, PARENTS
 from puppetline.errors import SkeletonLogError
 
 from ...recordings import record
-from .people import person
+from .people import both, person
 
 PATH = Path("take")
 
@@ -26,9 +26,8 @@ def clip_of(poses):
 
 
 def with_sides_of_legs_swapped(poses):
-    legs = [f"{joint}_{{}}" for joint in ("hip", "knee", "ankle", "foot")]
-    left, right = ([JOINT_INDEX[joint.format(side)] for joint in legs] for side in ("left", "right"))
-    poses[:, left + right] = poses[:, right + left]
+    legs = np.reshape(both("hip", "knee", "ankle", "foot"), (4, 2))
+    poses[:, legs] = poses[:, legs[:, ::-1]]
     return poses
 
 
@@ -38,16 +37,13 @@ def with_head_below(poses):
 
 
 def with_broken_knees(poses):
-    for side in ("left", "right"):
-        poses[:, JOINT_INDEX[f"knee_{side}"], 2] += 0.3
+    poses[:, both("knee"), 2] += 0.3
     return poses
 
 
 def with_thighs_back(poses):
-    for side in ("left", "right"):
-        hip, knee, ankle = (JOINT_INDEX[f"{joint}_{side}"] for joint in ("hip", "knee", "ankle"))
-        poses[:, knee] = poses[:, hip] + [0, 0, 0.48]
-        poses[:, ankle] = poses[:, knee] + [0, -0.38, 0]
+    poses[:, both("knee")] = poses[:, both("hip")] + [0, 0, 0.48]
+    poses[:, both("ankle")] = poses[:, both("knee")] + [0, -0.38, 0]
     return poses
 
 
@@ -89,8 +85,7 @@ def test_another_person_of_the_recording_may_be_contorted():
 def test_a_stretched_body_that_leans_as_nobody_stands_has_a_note(degrees, axis):
     poses = turned(person(5), degrees, axis)
     (clip,) = checked(PATH, [clip_of(poses)])
-    ankles = (poses[0, JOINT_INDEX["ankle_left"]] + poses[0, JOINT_INDEX["ankle_right"]]) / 2
-    body = poses[0, JOINT_INDEX["head"]] - ankles
+    body = poses[0, JOINT_INDEX["head"]] - poses[0, both("ankle")].mean(axis=0)
     lean = np.degrees(np.arccos(body[1] / np.linalg.norm(body)))
     (note,) = clip.notes[1:]
     assert f"leans {lean:.0f}° from upright" in note
@@ -106,9 +101,7 @@ def test_frames_of_different_people_and_bones_of_other_length_have_a_note():
         "Bones change their length by 20 % from frame to frame. The tracking failed, or they are different people.",
     )
     poses = person(5)
-    for side in ("left", "right"):
-        hand, wrist = JOINT_INDEX[f"hand_{side}"], JOINT_INDEX[f"wrist_{side}"]
-        poses[:, [wrist, hand]] += 3 * (poses[:, [wrist]] - poses[:, [JOINT_INDEX[f"elbow_{side}"]]])
+    poses[:, both("wrist", "hand")] += 3 * np.tile(poses[:, both("wrist")] - poses[:, both("elbow")], (1, 2, 1))
     (clip,) = checked(PATH, [clip_of(poses)])
     assert clip.notes[1:] == (
         "The proportions are not those of a person: elbow_left to wrist_left 4 times a person's, "

@@ -4,14 +4,13 @@ from itertools import cycle, product
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from puppetline.examples.performances import PERFORMANCES, clean
 
-from capture.clip import SkeletonClip
 from capture.fusion.alignment import align
 from capture.skeleton import mirrored
 from puppetline.errors import SkeletonLogError
+from puppetline.examples.performances import PERFORMANCES, clean
 
-from .virtual_sensors import BEHIND, BESIDE, HERE, KUNG_FU, TURN, WALK, VirtualSensor
+from .virtual_sensors import BEHIND, BESIDE, HERE, KUNG_FU, TURN, WALK, VirtualSensor, part
 
 NOISY = list(product((WALK, KUNG_FU, TURN), (BESIDE, BEHIND), (1, 2)))
 
@@ -55,7 +54,6 @@ def plank():
 
 
 STILL = replace(WALK, positions=np.repeat(WALK.positions[:1], len(WALK.times), axis=0))
-SHORT = SkeletonClip("", 1, *(part[60:130] for part in (WALK.times, WALK.positions, WALK.confidence)))
 
 
 @pytest.mark.slow
@@ -65,7 +63,7 @@ SHORT = SkeletonClip("", 1, *(part[60:130] for part in (WALK.times, WALK.positio
         (WALK, KUNG_FU, "cm between the joints"),
         (WALK, replace(WALK, positions=mirrored(WALK.positions) * [1, 1.5, 1]), "cm between the joints"),
         (WALK, STILL, "little in common (correlation 0.00)"),
-        (WALK, SHORT, "less than 3 s in which both sensors saw the performer"),
+        (WALK, part(WALK, 60, 130), "less than 3 s in which both sensors saw the performer"),
         (plank(), VirtualSensor(HERE, swaps=False, seed=3).record(plank()), "two opposite poses"),
     ],
 )

@@ -4,16 +4,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from capture.clip import SkeletonClip
 from capture.fusion.clocks import MAX_GAP_SECONDS, clock_offsets, sampled
 
-from .virtual_sensors import BESIDE, HERE, WALK, VirtualSensor
+from .virtual_sensors import BESIDE, HERE, WALK, VirtualSensor, part
 
 
 def test_a_part_of_a_motion_is_found_in_the_complete_motion_and_without_motion_there_is_no_offset():
-    other = VirtualSensor(BESIDE, 2.0).record(WALK)
-    part = SkeletonClip("", 1, *(each[90:210] for each in (other.times, other.positions, other.confidence)))
-    assert clock_offsets(VirtualSensor(HERE).record(WALK), part, 1)[0][0] == pytest.approx(2.0, abs=5e-3)
+    other = part(VirtualSensor(BESIDE, 2.0).record(WALK), 90, 210)
+    assert clock_offsets(VirtualSensor(HERE).record(WALK), other, 1)[0][0] == pytest.approx(2.0, abs=5e-3)
     still = np.repeat(WALK.positions[:1], len(WALK.times), axis=0)
     assert clock_offsets(WALK, replace(WALK, positions=still), 3) == []
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from capture.clip import SkeletonClip
 from capture.events import Cue, Lost, Tick
 from capture.fusion.source import FusedSource, Member
 from capture.skeleton import SkeletonFrame
@@ -15,7 +14,8 @@ from capture.sources.replay import RecordingSource
 from puppetline import clock
 from puppetline.errors import RecordingEndError, SourceError
 
-from .virtual_sensors import BESIDE, HERE, WALK, VirtualSensor
+from ...recordings import tracked_frame
+from .virtual_sensors import BESIDE, HERE, WALK, VirtualSensor, part
 
 pytestmark = pytest.mark.usefixtures("given_clock")
 
@@ -96,7 +96,7 @@ def source(open_source):
 def frame(pose, taken, user=1):
     """Return a sensor's frame of a performer who stands still."""
     positions = (WALK.positions[0] - pose.position) @ pose.rotation
-    return SkeletonFrame(taken, user, positions, np.ones(20, dtype=np.float32))
+    return tracked_frame(taken, positions, user)
 
 
 def next_events(source, until=None, ticks=False):
@@ -182,10 +182,6 @@ def test_the_tilt_of_the_first_sensor_in_the_common_coordinates_is_reported_in_o
     events = next_events(source)
     assert [type(event) for event in events] == kinds
     assert level in events or Cue not in kinds
-
-
-def part(clip, start, end):
-    return SkeletonClip("", clip.user, *(each[start:end] for each in (clip.times, clip.positions, clip.confidence)))
 
 
 @pytest.mark.parametrize("late", [0, 12, -12])

@@ -66,8 +66,8 @@ def test_a_performer_without_new_frames_has_left(wire):
 
 
 @pytest.mark.usefixtures("standing")
-def test_the_last_image_of_a_sensor_is_kept_with_its_performers(watch, scripted_device, scripted_tracker):
-    monitor = SourceMonitor(watch(scripted_device, scripted_tracker).source)
+def test_the_last_image_of_a_sensor_is_kept_with_its_performers(watch, scripted_device):
+    monitor = SourceMonitor(watch().source)
     for moment in (0.0, 0.1):
         scripted_device.show(moment, color=np.full((3, 4, 3), 5, np.uint8))
         until(monitor, lambda report, moment=moment: report.picture and report.picture.time == moment)
@@ -145,7 +145,7 @@ def test_a_sensor_that_fails_is_opened_again_until_an_image_arrives(watch, scrip
         answer = next(answers)
         if answer is NO_KINECT:
             raise NO_KINECT
-        return watch(answer, scripted_tracker).source
+        return watch(answer).source
 
     monitor = SourceMonitor(source := ReopeningSource("freenect:", opened), STATUS_SECONDS)
     scripted_device.show(0.0)

@@ -8,13 +8,13 @@ from hypothesis import strategies as st
 from capture.events import TICK_SECONDS, Cue, Lost, Tick
 from capture.formats import read_log
 from capture.recording import HEADER, as_recorded, encode
-from capture.skeleton import MAX_DISTANCE_METRES, SkeletonFrame
+from capture.skeleton import MAX_DISTANCE_METRES
 from capture.sources.replay import MAX_EVENTS, MAX_LATENESS_SECONDS, MAX_SILENCE_SECONDS, RecordingSource
 from puppetline.clock import use
 from puppetline.errors import SkeletonLogError, SourceError
 
 from ...clock import GivenClock
-from ...recordings import key, keys, random_clip, random_frame, record
+from ...recordings import key, keys, random_clip, random_frame, record, tracked_frame
 from ..formats.bvh_files import body_file, still
 
 
@@ -161,7 +161,7 @@ def test_events_that_go_back_in_time_are_skipped(of_events, given_clock, tmp_pat
     assert [list(clip.times) for clip in read_log(tmp_path / "take")] == [[50.0, 50.05, 50.1], [50.05]]
 
 
-FAR = SkeletonFrame(0.02, 1, np.full((20, 3), 2 * MAX_DISTANCE_METRES), np.ones(20, np.float32))
+FAR = tracked_frame(0.02, np.full((20, 3), 2 * MAX_DISTANCE_METRES))
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@ from itertools import islice
 
 import numpy as np
 import pytest
-from puppetline.examples.performances import clean
 
 from capture.events import Cue, Lost, Tick
 from capture.formats.puppetline_log import events
@@ -15,8 +14,9 @@ from capture.sources.replay import RecordingSource
 from capture.sources.take import RecordSummary, record
 from puppetline import clock
 from puppetline.errors import OutputError, SourceError
+from puppetline.examples.performances import clean
 
-from ...recordings import key, keys, random_clip
+from ...recordings import key, keys, random_clip, tracked_frame
 
 pytestmark = pytest.mark.usefixtures("given_clock")
 
@@ -50,7 +50,7 @@ class Scripted:
 
 
 def frame(time, user=1):
-    return SkeletonFrame(time, user, np.zeros((20, 3)), np.ones(20, np.float32))
+    return tracked_frame(time, np.zeros((20, 3)), user)
 
 
 def test_a_source_is_recorded_until_it_ends(tmp_path):

@@ -18,6 +18,7 @@ from capture.sensors.source import SensorSource
 from capture.skeleton import SkeletonFrame
 from capture.source import wait
 from capture.trackers.picture import Lens, Person, Picture
+from puppetline.errors import SourceError
 
 from ..outside import OPENNI_HEADERS, found
 from ..waiting import wait_until
@@ -270,6 +271,13 @@ def record(_virtual_sensors):
 def read(device):
     """Return the next image of a device."""
     return wait_until(lambda: device.read(0.5))
+
+
+def refused(function, *args, **options):
+    """Return the error of a source with which a function ends."""
+    with pytest.raises(SourceError) as caught:
+        function(*args, **options)
+    return caught.value
 
 
 def data_of(content):

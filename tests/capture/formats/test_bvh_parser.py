@@ -57,6 +57,12 @@ def test_violations_of_the_format_are_refused_with_their_place(refused_at, lines
 WHOLE = "".join(f"{line}\n" for line in lines_of(random_rows()))
 
 
+@pytest.fixture
+def whole(read):
+    [clip] = read(bvh, WHOLE)
+    return clip
+
+
 @pytest.mark.parametrize(
     "changes",
     [
@@ -72,13 +78,12 @@ WHOLE = "".join(f"{line}\n" for line in lines_of(random_rows()))
     ],
 )
 def test_names_keywords_and_spaces_of_other_programs_make_the_same_clip_without_a_note(
-    read, assert_same_frames, changes
+    read, whole, assert_same_frames, changes
 ):
     text = WHOLE
     for old, new in changes.items():
         assert old in text
         text = text.replace(old, new)
-    (whole,) = read(bvh, WHOLE)
     for other in (text, text.rstrip(), text + "\n \n\t\n"):
         assert bvh.matches(other.encode())
         (clip,) = read(bvh, other)
@@ -86,8 +91,7 @@ def test_names_keywords_and_spaces_of_other_programs_make_the_same_clip_without_
         assert clip.notes == whole.notes
 
 
-def test_a_wrong_frame_count_or_a_file_cut_off_is_noted_and_all_complete_frames_are_read(read, assert_same_frames):
-    (whole,) = read(bvh, WHOLE)
+def test_a_wrong_frame_count_or_a_cut_off_file_is_noted_and_complete_frames_are_read(read, whole, assert_same_frames):
     for stated in (0, 5, 7, 999_999_999):
         (clip,) = read(bvh, WHOLE.replace("Frames: 6", f"Frames: {stated}"))
         assert_same_frames(clip, whole)
@@ -126,8 +130,8 @@ def test_text_after_the_last_frame_is_skipped_with_a_note(read, assert_same_fram
 
 
 @pytest.mark.parametrize("stated", ["0", "0.0", "-0.1", "1e9"])
-def test_a_recording_without_a_frame_time_has_the_configured_rate(read, stated):
-    (whole,), (given,) = read(bvh, WHOLE), read(bvh, WHOLE, fps=50.0)
+def test_a_recording_without_a_frame_time_has_the_configured_rate(read, whole, stated):
+    (given,) = read(bvh, WHOLE, fps=50.0)
     text = WHOLE.replace("Frame Time: 0.04", f"Frame Time: {stated}")
     for clip, rate in ((given, 50), *((read(bvh, text, fps=fps)[0], fps or 30) for fps in (50.0, None))):
         assert_allclose(clip.times, np.arange(6) / rate, rtol=0, atol=1e-12)
@@ -136,9 +140,8 @@ def test_a_recording_without_a_frame_time_has_the_configured_rate(read, stated):
 
 
 def test_a_frame_time_in_milliseconds_a_missing_header_and_channels_before_the_offset_are_read(
-    read, assert_same_frames
+    read, whole, assert_same_frames
 ):
-    (whole,) = read(bvh, WHOLE)
     (clip,) = read(bvh, WHOLE.replace("Frame Time: 0.04", "Frame Time: 40"))
     assert_allclose(clip.times, whole.times)
     (clip,) = read(bvh, WHOLE.replace("Frames: 6\nFrame Time: 0.04\n", ""), fps=25)

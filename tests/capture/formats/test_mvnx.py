@@ -41,7 +41,7 @@ def write(path, frames=4, labels=True, before=""):
 
 @pytest.mark.parametrize("labels", [True, False])
 def test_segments_become_joints_with_y_up(tmp_path, labels):
-    (clip,) = read_log(write(tmp_path / "a.mvnx", labels=labels), ReadOptions())
+    (clip,) = read_log(write(tmp_path / "a.mvnx", labels=labels))
     assert_allclose(clip.times, [0, 0.01, 0.02, 0.03])
     assert_allclose(clip.positions[:, 0], [[0, 0, 2.5 - 0.01 * k] for k in range(4)], atol=1e-9)
     for joint, segment in (("knee_left", "LeftLowerLeg"), ("wrist_right", "RightHand"), ("foot_left", "LeftToe")):

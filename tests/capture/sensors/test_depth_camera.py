@@ -13,14 +13,14 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from capture.sensors import depth_camera, freenect, openni, openni_library, orbbec, realsense
-from capture.sensors.depth_camera import MAX_ALONE_COUNT, Selection, metres, upward
+from capture.sensors.depth_camera import MAX_ALONE_COUNT, Selection, metres, parse, upward
 from capture.sensors.openni import OpenNIDevice
 from capture.sensors.orbbec import OrbbecDevice
-from capture.sensors.realsense import RealSenseDevice
+from capture.sensors.realsense import SETTINGS, RealSenseDevice
 from capture.sources.registry import check_records
-from puppetline.errors import OutputError, SourceError
+from puppetline.errors import OutputError
 
-from ..conftest import read
+from ..conftest import read, refused
 
 
 class OpenNI:
@@ -107,11 +107,30 @@ def opened(bus, until_end):
 not_openni = pytest.mark.parametrize("bus", [RealSense, Orbbec], ids=lambda kind: kind.__name__, indirect=True)
 
 
-def refused(open_it):
-    """Return the error with which something is not opened."""
-    with pytest.raises(SourceError) as caught:
-        open_it()
-    return caught.value
+@pytest.mark.parametrize(
+    ("rest", "selection"),
+    [
+        ("", Selection()),
+        ("uri=1d27/0601@1/5", Selection("uri", "1d27/0601@1/5")),
+        ("file=a take.oni", Selection("file", "a take.oni")),
+        ("file=take.oni&fast?loop", Selection("file", "take.oni", fast=True, loop=True)),
+        ("?face&hands", Selection(face=True, hands=True)),
+        ("serial=A1?hands", Selection("serial", "A1", hands=True)),
+        ("file=take.oni?loop&face", Selection("file", "take.oni", loop=True, face=True)),
+        ("take.db3?loop", Selection("file", "take.db3", loop=True)),
+        ("serial=7&laser=150", Selection("serial", "7", settings={"laser": 150.0})),
+        ("?exposure=8000", Selection(settings={"exposure": 8000.0})),
+    ],
+)
+def test_a_uri_selects_a_sensor_or_a_recording(rest, selection):
+    assert parse(f"sensor:{rest}", rest, ("serial", "uri"), SETTINGS) == selection
+
+
+@pytest.mark.parametrize(
+    "rest", ["1", "file", "file=", "uri=", "serial=1&fast", "file=a&slow", "fast", "file=a?fast=1", "?laser=much"]
+)
+def test_a_wrong_uri_is_an_error(rest):
+    assert refused(parse, f"sensor:{rest}", rest, ("serial", "uri"), SETTINGS).found == repr(rest)
 
 
 def test_images_have_the_sensors_pixels_and_times(bus, opened, noise):
@@ -140,9 +159,9 @@ def test_a_sensor_is_chosen_by_serial_number_and_two_work_at_once(bus, opened, n
 
 
 def test_a_sensor_that_is_not_plugged_in_is_an_error_that_lists_those_that_are(bus):
-    assert refused(lambda: bus.open(Selection())).found == "no sensor"
+    assert refused(bus.open, Selection()).found == "no sensor"
     bus.plug()
-    error = refused(lambda: bus.open(Selection("serial", "9")))
+    error = refused(bus.open, Selection("serial", "9"))
     assert error.found.startswith("sensors ")
     assert error.expected == "a sensor with the serial 9"
 
@@ -154,7 +173,7 @@ def test_an_unplugged_sensor_is_an_error_and_works_again_when_it_is_plugged_in(b
             sensor.show(*noise(), taken)
             assert read(device).time == taken
             bus.unplug()
-            assert "unplugged" in refused(lambda device=device: read(device)).found
+            assert "unplugged" in refused(read, device).found
 
 
 @not_openni
@@ -231,7 +250,7 @@ def test_a_recording_plays_the_recorded_images_and_ends_or_its_time_increases(bu
         picture = read(device)
         assert_allclose(picture.depth, depth, rtol=2e-7)
         assert_array_equal(picture.color, color)
-    assert refused(lambda: read(device)).found == "the end of the recording"
+    assert refused(read, device).found == "the end of the recording"
     device, count = opened("file", str(path), loop=True), len(pictures)
     seen = [read(device) for _ in range(2 * count + 1)]
     spaces = [1 / 30 if k % count == 0 else step for k in range(1, len(seen))]
@@ -250,7 +269,7 @@ def test_recordings_of_orbbec_have_their_names_when_they_are_complete(bus, opene
     assert [path.name for path in tmp_path.iterdir()] == ["take.bag"]
     with pytest.raises(OutputError):
         check_records("orbbec:", tmp_path / "take.db3")
-    refused(lambda: opened("file", "half.bag"))
+    refused(opened, "file", "half.bag")
 
 
 @pytest.mark.parametrize(
@@ -259,7 +278,7 @@ def test_recordings_of_orbbec_have_their_names_when_they_are_complete(bus, opene
 )
 def test_a_missing_library_is_an_error_with_the_command_that_installs_it(monkeypatch, module, library, package):
     monkeypatch.setitem(sys.modules, library, None)
-    assert f"pip install {package}" in refused(lambda: module.open_source("sensor:", "", Path())).fix
+    assert f"pip install {package}" in refused(module.open_source, "sensor:", "", Path()).fix
 
 
 def test_what_is_up_follows_from_the_acceleration_of_a_sensor_at_rest():

@@ -12,6 +12,8 @@ from capture.sensors.depth_camera import metres
 from capture.sensors.freenect import LENS, UDEV_RULES, FreenectDevice, open_source
 from puppetline.errors import SourceError
 
+from ..conftest import refused
+
 ROWS, COLUMNS = np.mgrid[:480, :640]
 
 FRAME = 2_002_000
@@ -169,12 +171,9 @@ def test_the_udev_rule_in_the_error_is_that_of_the_package():
 def test_a_missing_library_is_an_error_with_the_package(monkeypatch):
     monkeypatch.setattr(freenect, "LIBRARIES", ("libnosuchthing.so.0.5",))
     monkeypatch.setattr(ctypes.util, "find_library", lambda _name: None)
-    with pytest.raises(SourceError) as caught:
-        open_source("freenect:", "", Path())
-    assert "apt install libfreenect0.5" in caught.value.fix
+    assert "apt install libfreenect0.5" in refused(open_source, "freenect:", "", Path()).fix
 
 
 @pytest.mark.parametrize("rest", ["x", "-1", "1?mirror", "100", "٣"])
 def test_a_wrong_number_is_an_error(rest):
-    with pytest.raises(SourceError):
-        open_source(f"freenect:{rest}", rest, Path())
+    refused(open_source, f"freenect:{rest}", rest, Path())

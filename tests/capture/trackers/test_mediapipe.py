@@ -14,6 +14,7 @@ from capture.trackers.mediapipe import LANDMARK_WEIGHTS, LOST_SECONDS, MediaPipe
 from capture.trackers.picture import Lens, Picture
 from puppetline.errors import SourceError
 
+from ..conftest import refused
 from .conftest import HEIGHT
 
 LENS = Lens(320, 240, 260.0)
@@ -128,8 +129,5 @@ def test_depth_that_fails_late_also_without_a_performer_and_an_image_without_col
     def depth():
         raise late
 
-    with pytest.raises(SourceError) as caught:
-        tracker.track(Picture(0.0, LENS, np.full((240, 320, 3), 120, np.uint8), depth))
-    assert caught.value is late
-    with pytest.raises(SourceError):
-        tracker.track(Picture(0.0, LENS, None, np.ones((240, 320), np.float32)))
+    assert refused(tracker.track, Picture(0.0, LENS, np.full((240, 320, 3), 120, np.uint8), depth)) is late
+    refused(tracker.track, Picture(0.0, LENS, None, np.ones((240, 320), np.float32)))

@@ -18,11 +18,10 @@ from capture.sensors.openni import OpenNIDevice, open_source
 from capture.skeleton import JOINT_INDEX, LOST, TRACKED
 from capture.trackers import nite
 from capture.trackers.nite import NiTE, library_path
-from puppetline.errors import SourceError
 
 from ...outside import OPENNI_HEADERS
 from ...waiting import wait_until
-from ..conftest import Watched, read
+from ..conftest import Watched, read, refused
 from ..network.conftest import assert_of_fifteen
 
 NAME = "openni:"
@@ -215,8 +214,7 @@ def test_an_image_that_the_library_does_not_process_is_an_error(stand_in, look, 
     look(1.0)
     monkeypatch.setattr(nite, "TIMEOUT_SECONDS", 0.1)
     stand_in.refuse(ANSWERING)
-    with pytest.raises(SourceError):
-        look(1.1)
+    refused(look, 1.1)
 
 
 def tracking_with(caplog, tracker):
@@ -265,6 +263,4 @@ def test_a_file_that_is_not_a_library_is_an_error(tmp_path, monkeypatch):
     (tmp_path / "libNiTE2.so").write_bytes(b"no library")
     monkeypatch.setenv("NITE2_REDIST", str(tmp_path))
     monkeypatch.setattr(_nite2, "_the_dll", None)
-    with pytest.raises(SourceError) as caught:
-        NiTE(None, False)
-    assert "NITE2_REDIST" in caught.value.fix
+    assert "NITE2_REDIST" in refused(NiTE, None, False).fix

@@ -16,8 +16,9 @@ import pytest
 from capture.events import Tick
 from capture.sensors.source import SensorSource
 from capture.skeleton import SkeletonFrame
-from capture.source import wait
+from capture.source import Counts, wait
 from capture.trackers.picture import Lens, Person, Picture
+from puppetline import clock
 from puppetline.errors import SourceError
 
 from ..outside import OPENNI_HEADERS, found
@@ -76,6 +77,32 @@ class ScriptedTracker:
 
     def close(self):
         self.closed += 1
+
+
+class ScriptedSource:
+    """A source that returns one list of a script per call, or raises its exception; nothing at the end."""
+
+    def __init__(self, *script, name="scripted", ahead=0.0, recorded=False, **counts):
+        self.name, self.script, self.counts, self.ahead = name, list(script), Counts(**counts), ahead
+        self.recorded, self.closed = recorded, False
+
+    def fileno(self):
+        return None
+
+    def due(self):
+        return clock.now() if self.script else math.inf
+
+    def now(self):
+        return clock.now() + self.ahead
+
+    def receive(self):
+        found = self.script.pop(0) if self.script else []
+        if isinstance(found, Exception):
+            raise found
+        return found
+
+    def close(self):
+        self.closed = True
 
 
 class Watched:

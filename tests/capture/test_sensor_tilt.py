@@ -8,9 +8,9 @@ from capture.sensor_pose import SensorPose
 from capture.sensor_tilt import SensorTilt, estimate_tilt
 from capture.skeleton import JOINT_INDEX, JOINTS
 
-from .bodies import STANDS
+from .bodies import STANDS, both
 
-ANKLES = [JOINT_INDEX["ankle_left"], JOINT_INDEX["ankle_right"]]
+ANKLES = both("ankle")
 
 
 def turned(pose, degrees, height):

@@ -46,7 +46,9 @@ def places_of(heard):
 
 
 class Card:
-    """A sound card that has delivered some blocks."""
+    """A sound card that has delivered some blocks, and was once not read in time."""
+
+    overflows = 1
 
     def __init__(self, blocks, rate=SAMPLE_RATE):
         self.waiting, self.rate, self.closed_in = blocks, rate, None

@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from capture.skeleton import JOINT_INDEX, JOINTS
+from capture.skeleton import JOINT_INDEX
 
-from ..bodies import body, bone_of
+from ..bodies import body, both, table
 
 _NAMES = """
 SpineBase SpineMid Neck Head ShoulderLeft ElbowLeft WristLeft HandLeft ShoulderRight ElbowRight WristRight HandRight
@@ -23,16 +23,21 @@ KINECT_V2, BLAZEPOSE, HUMAN36M = map(str.split, _NAMES.strip().split("\n\n"))
 """Names of joints in the order and the spelling of other skeletons."""
 
 
-def both(*parts):
-    """Return the indices of joints on both sides."""
-    return [JOINT_INDEX[f"{part}_{side}"] for part in parts for side in ("left", "right")]
-
-
 LIMBS = both("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
 
-WAYS = dict.fromkeys(map(bone_of, JOINTS), (0, 1, 0)) | {"shoulder": (1, 0, 0), "hip": (1, 0, 0)}
-WAYS |= {"elbow": (0.2, -1, 0.3), "wrist": (0.1, -1, -0.3), "hand": (0, -1, -0.2)}
-WAYS |= {"knee": (0, -1, -0.1), "ankle": (0, -1, 0.1), "foot": (0, -0.3, -1)}
+WAYS = table("""
+spine           0 1 0
+shoulder_center 0 1 0
+head            0 1 0
+shoulder        1 0 0
+elbow           0.2 -1 0.3
+wrist           0.1 -1 -0.3
+hand            0 -1 -0.2
+hip             1 0 0
+knee            0 -1 -0.1
+ankle           0 -1 0.1
+foot            0 -0.3 -1
+""")
 
 
 def person(frames=4):

@@ -2,6 +2,7 @@
 
 import io
 import pickle
+from functools import partial
 
 import numpy as np
 import pytest
@@ -15,13 +16,18 @@ from capture.formats.proportions import bone_ratios
 from capture.skeleton import JOINT_INDEX, JOINTS
 from puppetline.errors import SkeletonLogError
 
-from .people import LIMBS, PERSON, assert_reads, both, joints_as
+from ..bodies import both
+from .people import LIMBS, PERSON, assert_reads, joints_as
 
 
-def saved(function, *content, **named):
+def written(function, *content, **named):
     buffer = io.BytesIO()
     function(buffer, *content, **named)
     return buffer.getvalue()
+
+
+npy, npz, mat = (partial(written, function) for function in (np.save, np.savez, savemat))
+"""Write arrays to a file in memory."""
 
 
 def of_names(places):
@@ -44,18 +50,15 @@ QUALISYS = of_names(PERSON.swapaxes(0, 1))
 @pytest.mark.parametrize(
     ("content", "step"),
     [
-        (saved(np.save, matrices(by_columns=False)), 1 / 30),
-        (saved(np.save, matrices(by_columns=True)), 1 / 30),
-        (saved(np.savez, **{f"joints_{axis}": places for axis, places in AXES.items()}), 1 / 30),
-        (saved(savemat, {axis.upper(): places for axis, places in AXES.items()}), 1 / 30),
-        (saved(np.save, PERSON.transpose(0, 2, 1).reshape(len(PERSON), -1)), 1 / 30),
-        (
-            saved(savemat, {"body": of_names(dict(zip("xyz", each.T, strict=True)) for each in QUALISYS.values())}),
-            1 / 30,
-        ),
-        (saved(savemat, {"d_skel": PERSON.transpose(1, 2, 0), "fps": 60.0}), 1 / 60),
+        (npy(matrices(by_columns=False)), 1 / 30),
+        (npy(matrices(by_columns=True)), 1 / 30),
+        (npz(**{f"joints_{axis}": places for axis, places in AXES.items()}), 1 / 30),
+        (mat({axis.upper(): places for axis, places in AXES.items()}), 1 / 30),
+        (npy(PERSON.transpose(0, 2, 1).reshape(len(PERSON), -1)), 1 / 30),
+        (mat({"body": of_names(dict(zip("xyz", each.T, strict=True)) for each in QUALISYS.values())}), 1 / 30),
+        (mat({"d_skel": PERSON.transpose(1, 2, 0), "fps": 60.0}), 1 / 60),
         *(
-            (saved(savemat, {"walk": take | {"freq": 60.0}, "author": "x"}, do_compression=is_small), 1 / 60)
+            (mat({"walk": take | {"freq": 60.0}, "author": "x"}, do_compression=is_small), 1 / 60)
             for take in (MOCAP_TOOLBOX, QUALISYS)
             for is_small in (False, True)
         ),
@@ -73,7 +76,7 @@ def test_positions_may_have_names_axes_apart_matrices_and_a_rate(read, content, 
 @pytest.mark.parametrize("axes", [(0, 1, 2), (1, 2, 0), (2, 0, 1)])
 def test_the_order_of_joints_and_axes_is_found(read, name, axes):
     joints = joints_as(JOINT_SETS[name])
-    [clip] = read(arrays, saved(np.save, joints.transpose(axes)), fps=50.0)
+    [clip] = read(arrays, npy(joints.transpose(axes)), fps=50.0)
     assert_reads(clip, joints=both("elbow", "wrist", "knee"))
     assert clip.times[1] == 0.02
 
@@ -82,7 +85,7 @@ def test_people_and_confidences_in_an_archive(read):
     people = np.stack([PERSON, PERSON + np.array([1.0, 0, 0])])
     content = np.concatenate([people, np.ones((2, 4, 20, 1))], axis=3)
     content[1, 2, 5, 3] = 0.25
-    one, other = read(arrays, saved(np.savez, keypoints=content, scores=np.ones(4)))
+    one, other = read(arrays, npz(keypoints=content, scores=np.ones(4)))
     assert_reads(one)
     assert_reads(other, people[1])
     assert np.argwhere(other.confidence < 1).tolist() == [[2, 5]]
@@ -92,7 +95,7 @@ def test_the_variables_of_a_matlab_file_without_arrays_are_named(read):
     for is_small in (False, True):
         take = {"walk1": {"by": "someone", "place": "x"}, "author": "x"}
         with pytest.raises(SkeletonLogError, match=r"walk1 \(structure of by, place\); author \(text\)"):
-            read(arrays, saved(savemat, take, do_compression=is_small))
+            read(arrays, mat(take, do_compression=is_small))
 
 
 @pytest.mark.parametrize("is_named", [True, False])
@@ -108,7 +111,7 @@ def test_structures_may_have_the_bodies_of_each_frame(read, is_named):
     bodies = np.empty((len(poses), 6), object)
     for frame, pose in enumerate(poses):
         bodies[frame] = [{"isBodyTracked": 0.0}] * 2 + [body(pose)] + [{"isBodyTracked": 0.0}] * 3
-    [clip] = read(arrays, saved(savemat, {"body": bodies}))
+    [clip] = read(arrays, mat({"body": bodies}))
     assert_reads(clip, joints=LIMBS)
 
 
@@ -116,7 +119,7 @@ def test_smpl_parameters_turn_the_bones(read):
     poses = np.zeros((5, 52, 3))
     poses[:, 16] = [0, 0, -np.pi / 2]  # the left arm hangs
     poses[:, 0] = Rotation.from_euler("x", 90, degrees=True).as_rotvec()  # z up
-    content = saved(np.savez, poses=poses.reshape(5, -1), trans=np.ones((5, 3)), mocap_framerate=120.0, gender="male")
+    content = npz(poses=poses.reshape(5, -1), trans=np.ones((5, 3)), mocap_framerate=120.0, gender="male")
     [clip] = read(arrays, content)
     assert clip.times[1] == pytest.approx(1 / 120)
     place = {joint: clip.positions[2, index] for joint, index in JOINT_INDEX.items()}
@@ -134,18 +137,18 @@ def test_smpl_parameters_turn_the_bones(read):
 @pytest.mark.parametrize(
     "content",
     [
-        saved(np.save, np.zeros((9, 17, 2))),
-        saved(np.save, np.random.default_rng(0).normal(size=(50, 17, 3))),
-        saved(np.save, np.zeros((9, 263))),
-        saved(np.save, np.array([{"joints": 1}], dtype=object)),
-        saved(np.savez, labels=np.arange(9)),
-        saved(np.save, PERSON)[:-99],
-        saved(np.savez, joints=PERSON)[:-30],
-        saved(np.save, np.zeros((9, 20, 3))),
-        saved(np.save, np.zeros((0, 9, 20, 3))),
-        saved(np.save, PERSON).replace(b"(4, 20, 3)", b"(4, 20, (3"),
-        saved(np.save, PERSON).replace(b"3), }" + 20 * b" ", b"3" + 20 * b"0" + b"), }"),
-        saved(np.savez, global_orient=np.zeros((4, 3)), body_pose=np.zeros((5, 63))),
+        npy(np.zeros((9, 17, 2))),
+        npy(np.random.default_rng(0).normal(size=(50, 17, 3))),
+        npy(np.zeros((9, 263))),
+        npy(np.array([{"joints": 1}], dtype=object)),
+        npz(labels=np.arange(9)),
+        npy(PERSON)[:-99],
+        npz(joints=PERSON)[:-30],
+        npy(np.zeros((9, 20, 3))),
+        npy(np.zeros((0, 9, 20, 3))),
+        npy(PERSON).replace(b"(4, 20, 3)", b"(4, 20, (3"),
+        npy(PERSON).replace(b"3), }" + 20 * b" ", b"3" + 20 * b"0" + b"), }"),
+        npz(global_orient=np.zeros((4, 3)), body_pose=np.zeros((5, 63))),
     ],
 )
 def test_other_arrays_are_refused(read, content):
@@ -164,9 +167,9 @@ ANGLES = {"LKneeAngles": np.ones((9, 3)), "RKneeAngles": np.ones((9, 3)), "time"
 @pytest.mark.parametrize(
     ("content", "found"),
     [
-        (saved(np.savez, results=np.array([{"joints": 1}], dtype=object)), "Python objects"),
-        (saved(np.save, np.random.default_rng(0).normal(size=(40, 263))), "features of HumanML3D"),
-        (saved(np.savez, **ANGLES), ": angles, which give no positions without their skeleton"),
+        (npz(results=np.array([{"joints": 1}], dtype=object)), "Python objects"),
+        (npy(np.random.default_rng(0).normal(size=(40, 263))), "features of HumanML3D"),
+        (npz(**ANGLES), ": angles, which give no positions without their skeleton"),
     ],
 )
 def test_arrays_without_positions_are_called_what_they_are(read, content, found):
@@ -175,7 +178,7 @@ def test_arrays_without_positions_are_called_what_they_are(read, content, found)
 
 
 def test_one_pose_may_be_a_row_of_numbers(read):
-    [clip] = read(arrays, saved(np.save, joints_as(JOINT_SETS["mediapipe"])[0].ravel()))
+    [clip] = read(arrays, npy(joints_as(JOINT_SETS["mediapipe"])[0].ravel()))
     assert len(clip.times) == 1
 
 
@@ -192,8 +195,8 @@ def test_features_of_humanml3d_become_joints(read):
     features[:, 3] = joints[:, 0, 1]
     level = joints[:, 1:] - joints[:, :1] * [1, 0, 1]
     features[:, 4:67] = np.stack([turn.apply(pose) for turn, pose in zip(away, level, strict=True)]).reshape(count, -1)
-    [clip] = read(arrays, saved(np.save, features.astype(np.float32)))
-    [expected] = read(arrays, saved(np.save, joints), fps=20)
+    [clip] = read(arrays, npy(features.astype(np.float32)))
+    [expected] = read(arrays, npy(joints), fps=20)
     assert_allclose(clip.positions, expected.positions, atol=1e-5)
     assert_allclose(clip.times, expected.times)
 
@@ -204,9 +207,9 @@ def test_features_of_humanml3d_become_joints(read):
 def test_an_unknown_order_of_joints_is_refused(read, swapped):
     order = list(JOINT_SETS["lsp"])
     points = joints_as(order)
-    [clip] = read(arrays, saved(np.save, points))
+    [clip] = read(arrays, npy(points))
     assert_reads(clip, joints=[JOINT_INDEX[joint] for joint in order if joint in JOINT_INDEX])
     one, other = map(order.index, swapped)
     points[:, [one, other]] = points[:, [other, one]]
     with pytest.raises(SkeletonLogError, match="name the order with --joints"):
-        read(arrays, saved(np.save, points))
+        read(arrays, npy(points))

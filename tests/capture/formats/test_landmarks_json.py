@@ -12,7 +12,8 @@ from capture.formats.layouts import JOINT_SETS
 from capture.skeleton import JOINT_INDEX, JOINTS
 from puppetline.errors import SkeletonLogError
 
-from .people import BLAZEPOSE, LIMBS, PERSON, POINTS, assert_reads, both, joints_as, person
+from ..bodies import both
+from .people import BLAZEPOSE, LIMBS, PERSON, POINTS, assert_reads, joints_as, person
 
 FRAMES = range(len(PERSON))
 

@@ -9,8 +9,7 @@ from capture.formats.options import ReadOptions
 from capture.skeleton import JOINT_INDEX
 from puppetline.errors import SkeletonLogError
 
-from ..bodies import STANDING, STANDS
-from .people import both
+from ..bodies import STANDING, STANDS, both
 
 AXES = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 """From the sensor's coordinates to those of a laboratory with z up."""

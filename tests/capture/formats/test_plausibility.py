@@ -16,7 +16,8 @@ from capture.skeleton import JOINT_INDEX, JOINTS, PARENTS
 from puppetline.errors import SkeletonLogError
 
 from ...recordings import record
-from .people import both, person
+from ..bodies import both
+from .people import person
 
 PATH = Path("take")
 

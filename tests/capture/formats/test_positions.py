@@ -16,7 +16,8 @@ from capture.formats.proportions import BONES
 from capture.skeleton import JOINT_INDEX, JOINTS
 from puppetline.errors import SkeletonLogError
 
-from .people import BLAZEPOSE, HUMAN36M, KINECT_V2, PERSON, POINTS, assert_reads, both, joints_as, person
+from ..bodies import both
+from .people import BLAZEPOSE, HUMAN36M, KINECT_V2, PERSON, POINTS, assert_reads, joints_as, person
 
 
 def clip_of(points, names=JOINTS, **options):

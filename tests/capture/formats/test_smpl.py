@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from capture.formats import arrays, landmarks_json, smpl, table
 
-from .test_arrays import saved
+from .test_arrays import npy, npz
 
 COUNT = 30
 
@@ -43,9 +43,9 @@ NUMBERED = np.hstack([np.arange(COUNT)[:, None], FLAT])
 @pytest.mark.parametrize(
     ("reader", "content", "way"),
     [
-        (arrays, saved(np.save, FLAT), STILL),
-        (arrays, saved(np.save, POSES), STILL),
-        (arrays, saved(np.save, np.hstack([WAY, FLAT])), WAY),
+        (arrays, npy(FLAT), STILL),
+        (arrays, npy(POSES), STILL),
+        (arrays, npy(np.hstack([WAY, FLAT])), WAY),
         (table, lines(FLAT), STILL),
         (table, lines(np.hstack([FLAT, WAY])), WAY),
         (table, lines(np.hstack([WAY, FLAT])), WAY),
@@ -60,7 +60,7 @@ NUMBERED = np.hstack([np.arange(COUNT)[:, None], FLAT])
             [{"global_orient": a[:3], "body_pose": a[3:], "transl": b} for a, b in zip(FLAT, WAY, strict=True)],
             WAY,
         ),
-        (arrays, saved(np.savez, global_orient=TURNS[:, :1], body_pose=TURNS[:, 1:], transl=WAY), WAY),
+        (arrays, npz(global_orient=TURNS[:, :1], body_pose=TURNS[:, 1:], transl=WAY), WAY),
         (
             landmarks_json,
             {"results": [{"smpl": {"global_orient": a[:1], "body_pose": a[1:]}, "camera": [1, 2]} for a in TURNS]},
@@ -74,7 +74,7 @@ def test_parameters_are_those_of_named_arrays(read, reader, content, way):
         content = json.dumps(content, default=lambda array: array.tolist()).encode()
     assert reader.matches(content)
     [clip] = read(reader, content)
-    [same] = read(arrays, saved(np.savez, poses=FLAT, trans=way))
+    [same] = read(arrays, npz(poses=FLAT, trans=way))
     assert_allclose(clip.positions, same.positions, atol=1e-5)
     assert "Parameters of the SMPL body; the bones have the lengths of a typical person." in clip.notes
 
@@ -83,7 +83,7 @@ def test_people_of_a_document_are_performers(read):
     people = [{"id": 3, "poses": FLAT.tolist(), "trans": WAY.tolist()}, {"id": 5, "poses": FLAT[::-1].tolist()}]
     clips = read(landmarks_json, json.dumps(people).encode())
     assert [clip.user for clip in clips] == [0, 1]
-    [same] = read(arrays, saved(np.savez, poses=FLAT[::-1]))
+    [same] = read(arrays, npz(poses=FLAT[::-1]))
     assert_allclose(clips[1].positions, same.positions, atol=1e-9)
 
 

@@ -15,7 +15,8 @@ from capture.skeleton import JOINT_INDEX, JOINTS
 from puppetline.errors import SkeletonLogError
 
 from ...effort import EFFORT
-from .people import BLAZEPOSE, LIMBS, PERSON, POINTS, assert_reads, both, joints_as
+from ..bodies import both
+from .people import BLAZEPOSE, LIMBS, PERSON, POINTS, assert_reads, joints_as
 from .random_tables import judge
 
 RIGHT = np.array([1.0, 0, 0])

@@ -1,22 +1,23 @@
 import wave
+from collections import Counter
 from itertools import islice
 
 import numpy as np
 import pytest
+from puppetline.examples.performances import clean
 
 from capture.events import Cue, Lost, Tick
 from capture.formats.puppetline_log import events
 from capture.skeleton import SkeletonFrame
-from capture.sound import SAMPLE_RATE, Block
 from capture.sound_input import SoundInput
-from capture.source import Counts
 from capture.sources.replay import RecordingSource
 from capture.sources.take import RecordSummary, record
 from puppetline import clock
 from puppetline.errors import OutputError, SourceError
-from puppetline.examples.performances import clean
 
 from ...recordings import key, keys, random_clip, tracked_frame
+from ..conftest import ScriptedSource
+from ..test_sound import Card, blocks
 
 pytestmark = pytest.mark.usefixtures("given_clock")
 
@@ -24,29 +25,10 @@ pytestmark = pytest.mark.usefixtures("given_clock")
 END = SourceError("openni:", found="an unplugged sensor", expected="a sensor", fix="Plug it in.")
 
 
-class Scripted:
-    """A live source that returns a script's events one by one, or raises its exception; nothing at the end."""
-
-    name, recorded = "openni:", False
-
-    def __init__(self, *script):
-        self.script, self.counts = list(script), Counts(dropped=3)
-        self.counts.refused["short"] = 2
-
-    def fileno(self):
-        return None
-
-    def now(self):
-        return clock.now()
-
-    def due(self):
-        return self.now() if self.script else float("inf")
-
-    def receive(self):
-        events = [self.script.pop(0)] if self.script else []
-        if END in events:
-            raise END
-        return events
+def live(*events, **options):
+    """Return a live source that returns events one by one, or raises errors."""
+    script = (event if event is END else [event] for event in events)
+    return ScriptedSource(*script, name="openni:", dropped=3, refused=Counter(short=2), **options)
 
 
 def frame(time, user=1):
@@ -77,7 +59,7 @@ def test_a_source_is_recorded_until_it_ends(tmp_path):
 
 @pytest.mark.parametrize("given", [[frame(1.0), frame(1.1, 4), Lost(1.2, 1), frame(1.3, 4)], []])
 def test_all_events_of_a_live_source_are_recorded_as_they_arrive(tmp_path, given):
-    summary = record(Scripted(*given), tmp_path / "take", seconds=0.2)
+    summary = record(live(*given), tmp_path / "take", seconds=0.2)
     expected = (3, (1, 4), 1.3 - 1.0) if given else (0, (), 0.0)
     assert (summary.frames, summary.users, summary.seconds) == expected
     assert (summary.ended, summary.dropped, summary.refused) == ("time", 3, {"short": 2})
@@ -88,8 +70,7 @@ def test_all_events_of_a_live_source_are_recorded_as_they_arrive(tmp_path, given
 @pytest.mark.parametrize("recorded", [False, True])
 def test_the_error_of_a_source_is_reported_and_earlier_events_are_kept(tmp_path, came, recorded):
     path = tmp_path / "take"
-    source = Scripted(*came, END)
-    source.recorded = recorded
+    source = live(*came, END, recorded=recorded)
     summary = record(source, path)
     assert (summary.ended, summary.why) == ("source", str(END))
     assert path.exists() == (Lost(1.0, 1) in came)
@@ -97,12 +78,12 @@ def test_the_error_of_a_source_is_reported_and_earlier_events_are_kept(tmp_path,
 
 
 def test_a_take_and_a_sound_that_are_there_are_replaced_only_by_force(tmp_path):
-    source = Scripted(frame(0.0, 5))
+    source = live(frame(0.0, 5))
     path = tmp_path / "take.log"
     for there in (path.with_suffix(".wav"), path):
         there.write_text("dear to me")
         with pytest.raises(OutputError):
-            record(source, path, seconds=0, sound=SoundInput(lambda: Singer(0.0)))
+            record(source, path, seconds=0, sound=SoundInput(lambda: Card([])))
         assert [each.read_text() for each in tmp_path.iterdir()] == ["dear to me"]
         there.unlink()
     path.write_text("dear to me")
@@ -111,7 +92,7 @@ def test_a_take_and_a_sound_that_are_there_are_replaced_only_by_force(tmp_path):
 
 
 def test_an_unwritable_path_is_refused_before_any_event_is_received(tmp_path):
-    source = Scripted(frame(0.0))
+    source = live(frame(0.0))
     with pytest.raises(OutputError):
         record(source, tmp_path / "none" / "take", seconds=1)
     with pytest.raises(OutputError):
@@ -133,28 +114,13 @@ def test_stopped_it_leaves_a_take_that_can_be_read(tmp_path):
     assert path.read_bytes().endswith(b"}\n")
 
 
-class Singer:
-    """A microphone that has heard a tone since a time; see `capture.sound.Microphone`."""
-
-    overflows, rate = 1, SAMPLE_RATE
-
-    def __init__(self, begin):
-        self.begin, self.heard = begin, 0
-
-    def blocks(self):
-        tone = np.sin(np.arange(960) / 5).astype(np.float32)
-        for _ in range(10):
-            yield Block(self.begin + self.heard * 0.02, tone)
-            self.heard += 1
-
-    def close(self):
-        pass
+SUNG = np.sin(np.arange(4800) / 5).astype(np.float32)
 
 
 def test_the_sound_beside_a_take_is_on_its_clock(tmp_path):
     now = clock.now()
-    source = Scripted(frame(now), frame(now + 0.01), frame(now + 0.02, 2))
-    summary = record(source, tmp_path / "a.log", 0.3, sound=SoundInput(lambda: Singer(41.5)))
+    source = live(frame(now), frame(now + 0.01), frame(now + 0.02, 2))
+    summary = record(source, tmp_path / "a.log", 0.3, sound=SoundInput(lambda: Card(blocks(SUNG, 41.5))))
     cues = [event for event in events(tmp_path / "a.log") if isinstance(event, Cue)]
     assert [(cue.do, cue.arguments["file"]) for cue in cues] == [("sound", "a.wav")]
     assert cues[0].arguments["at"] == pytest.approx(41.5, abs=0.005)
@@ -164,4 +130,4 @@ def test_the_sound_beside_a_take_is_on_its_clock(tmp_path):
     assert summary.sound_overflows == 1
     with wave.open(summary.sound) as file:
         samples = np.frombuffer(file.readframes(960), "<i2") / 32767
-    np.testing.assert_allclose(samples, np.sin(np.arange(960) / 5), atol=1e-4)
+    np.testing.assert_allclose(samples, SUNG[:960], atol=1e-4)

@@ -143,6 +143,7 @@ def test_a_failure_of_a_sensor_is_reported_until_an_image_arrives(watch, scripte
     monitor = SourceMonitor(source, STATUS_SECONDS)
     scripted_device.show(0.0)
     assert until(monitor, lambda report: report.performers).picture is not None
+    standing.advance(0.01)
     scripted_device.pictures.put(NO_KINECT)
     report = until(monitor, lambda report: report.failure)
     assert (report.performers, report.picture, monitor.ended) == ({}, None, False)

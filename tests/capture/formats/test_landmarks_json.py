@@ -187,19 +187,18 @@ def test_names_may_have_their_points_over_time(read):
     assert_reads(clip, joints=LIMBS, step=1 / 50)
 
 
-@pytest.mark.parametrize("lost", [[np.nan] * 3, [None] * 3, None, "absent"])
-@pytest.mark.parametrize("form", ["names", "lists"])
-def test_points_without_numbers_are_lost(read, lost, form):
+WRISTS = {"names": "right_wrist", "lists": BLAZEPOSE.index("right_wrist")}
+LOST = [[np.nan] * 3, [None] * 3, None]
+
+
+@pytest.mark.parametrize(("form", "lost"), [*((form, lost) for form in WRISTS for lost in LOST), ("names", "absent")])
+def test_points_without_numbers_are_lost(read, form, lost):
     poses = json.loads(json.dumps(FORMS[form]))
-    wrist = "right_wrist" if form == "names" else BLAZEPOSE.index("right_wrist")
     expected = PERSON.copy()
     for frame in (0, 2):
-        if lost != "absent":
-            poses[frame][wrist] = lost
-        elif form == "names":
-            del poses[frame][wrist]
-        else:
-            continue
+        poses[frame][WRISTS[form]] = lost
+        if lost == "absent":
+            del poses[frame][WRISTS[form]]
         expected[frame, JOINT_INDEX["wrist_right"]] = np.nan
     [clip] = read(landmarks_json, json.dumps(poses))
     assert_reads(clip, expected, LIMBS)

@@ -83,7 +83,7 @@ LETTERS = [f"{JOINTS[joint][:3]}{JOINTS[joint].split('_')[1][0]}".upper() for jo
 SPANISH = [
     f"{part}_{side}" for part in ("hombro", "codo", "muneca", "cadera", "rodilla", "tobillo") for side in ("izq", "der")
 ]
-HEADED = [JOINT_INDEX["head"], *LIMBS]
+NAMED_JOINTS = [JOINT_INDEX["head"], *LIMBS, JOINT_INDEX["shoulder_center"]]
 SOME = [0, *range(11, 17), *range(23, 33)]
 """Numbers of BlazePose's landmarks on nose, arms and legs."""
 SENTENCE = "Joint {name}: Position({x}, {y}, {z}), Orientation(1.5, 0, 0, 0.5), Confidence: 2"
@@ -167,8 +167,10 @@ LANDMARKS = {
     "a word and a number": ["Pose,Landmark,X,Y,Z", *long("up,Landmark_{name},{x},{y},{z}", POINTS)],
     "a short word and a number": ["Pose,Landmark,X,Y,Z", *long("up,kp{name},{x},{y},{z}", POINTS)],
     "a word, a space and a number": ["Pose,Landmark,X,Y,Z", *long("up,joint {name},{x},{y},{z}", POINTS)],
-    "names of three letters": [heads("{0}.x,{0}.y,{0}.z", ["NOS", *LETTERS]), *wide(points=PERSON[:, HEADED])],
-    "sides in Spanish": [heads(names=["cabeza", *SPANISH]), *wide(points=PERSON[:, HEADED])],
+}
+NAMES = {
+    "three letters": [heads("{0}.x,{0}.y,{0}.z", ["NOS", *LETTERS, "NEC"]), *wide(points=PERSON[:, NAMED_JOINTS])],
+    "Spanish": [heads(names=["cabeza", *SPANISH]), *wide(points=PERSON[:, NAMED_JOINTS[:-1]])],
 }
 CASES = {
     name: (lines, joints, step)
@@ -177,6 +179,7 @@ CASES = {
         (TIMELESS, slice(None), 1 / 30),
         (TIMED_LANDMARKS, LIMBS, 1 / 25),
         (LANDMARKS, LIMBS, 1 / 30),
+        (NAMES, NAMED_JOINTS, 1 / 30),
     )
     for name, lines in forms.items()
 }

@@ -9,13 +9,13 @@ from numpy.testing import assert_allclose
 from capture.events import Cue, Lost, Tick
 from capture.fusion.source import FusedSource, Member
 from capture.skeleton import SkeletonFrame
-from capture.source import Counts, wait
+from capture.source import wait
 from capture.sources.replay import RecordingSource
 from puppetline import clock
 from puppetline.errors import RecordingEndError, SourceError
 
 from ...recordings import tracked_frame
-from ..conftest import refused
+from ..conftest import ScriptedSource, refused
 from .virtual_sensors import BESIDE, HERE, WALK, VirtualSensor, part
 
 pytestmark = pytest.mark.usefixtures("given_clock")
@@ -23,18 +23,16 @@ pytestmark = pytest.mark.usefixtures("given_clock")
 GONE = SourceError("a", found="nothing there", expected="a device", fix="Plug it in.")
 
 
-class Scripted:
+class Scripted(ScriptedSource):
     """A live source whose events come from a test; exceptions are raised."""
 
-    recorded = False
-
     def __init__(self, name):
-        self.name, self.counts, self.news, self.closed = name, Counts(), [], False
+        super().__init__(name=name)
         self._waker, self._waiter = socket.socketpair()
 
     def show(self, *events):
-        self.news += events
-        self._waker.send(b"\0")
+        self.script += [event if isinstance(event, Exception) else [event] for event in events]
+        self._waker.send(b"\0" * len(events))
 
     def fileno(self):
         return self._waiter.fileno()
@@ -42,21 +40,16 @@ class Scripted:
     def due(self):
         return math.inf
 
-    def now(self):
-        return clock.now()
-
     def receive(self):
-        news, self.news = self.news, []
-        if news:
-            self._waiter.recv(100)
-        for event in news:
-            if isinstance(event, Exception):
-                raise event
-        self.counts.received += len(news)
+        news = []
+        while self.script:
+            self._waiter.recv(1)
+            news += super().receive()
+            self.counts.received += 1
         return news
 
     def close(self):
-        self.closed = True
+        super().close()
         self._waker.close()
         self._waiter.close()
 

@@ -21,7 +21,7 @@ from capture.trackers.nite import NiTE, library_path
 
 from ...outside import OPENNI_HEADERS
 from ...waiting import wait_until
-from ..conftest import Watched, read, refused
+from ..conftest import ScriptedTracker, Watched, read, refused
 from ..network.conftest import assert_of_fifteen
 
 NAME = "openni:"
@@ -122,22 +122,12 @@ def body(performer):
     return performer[OURS] * [-1000, 1000, 1000]
 
 
-class FoundNobody:
-    name = "MediaPipe's place"
-
-    def track(self, _picture):
-        return []
-
-    def close(self):
-        pass
-
-
 @pytest.fixture
 def opened(sensor, monkeypatch):
     """Open `openni:` with a stand-in for MediaPipe that finds nobody."""
     monkeypatch.setattr(nite, "_started", False)
     monkeypatch.setattr(openni, "load_mediapipe", lambda: None)
-    monkeypatch.setattr(openni, "MediaPipePose", FoundNobody)
+    monkeypatch.setattr(openni, "MediaPipePose", ScriptedTracker)
     source = open_source(NAME, "", Path())
     yield Watched(source)
     source.close()
@@ -252,7 +242,7 @@ def test_mediapipe_tracks_without_the_library_or_if_it_does_not_start(
     stand_in.refuse(refusal or 0)
     request.getfixturevalue("opened")
     sensor.wait_for_streams()
-    tracking_with(caplog, "MediaPipe's place")
+    tracking_with(caplog, ScriptedTracker.name)
     assert any(says in message and "tracking with MediaPipe" in message for message in caplog.messages)
 
 

@@ -35,6 +35,14 @@ foot_right      0.14 -0.95 -0.08
 """)
 """A performer who faces the sensor, with the right arm up; no joint is another's mirror image."""
 
+STANDS = np.array([*STANDING.values()])
+"""The performer's joints (20, 3)."""
+
+
+def both(*parts):
+    """Return the indices of joints on both sides."""
+    return [JOINT_INDEX[f"{part}_{side}"] for part in parts for side in ("left", "right")]
+
 
 def bone_of(joint):
     return joint.removesuffix("_left").removesuffix("_right")

@@ -15,13 +15,15 @@ import pytest
 
 from capture.events import Tick
 from capture.sensors.source import SensorSource
-from capture.skeleton import JOINT_INDEX, SkeletonFrame
-from capture.source import wait
+from capture.skeleton import SkeletonFrame
+from capture.source import Counts, wait
 from capture.trackers.picture import Lens, Person, Picture
+from puppetline import clock
+from puppetline.errors import SourceError
 
 from ..outside import OPENNI_HEADERS, found
 from ..waiting import wait_until
-from .bodies import STANDING
+from .bodies import STANDS
 
 LENS = Lens(4, 3, 4.0)
 
@@ -77,6 +79,32 @@ class ScriptedTracker:
         self.closed += 1
 
 
+class ScriptedSource:
+    """A source that returns one list of a script per call, or raises its exception; nothing at the end."""
+
+    def __init__(self, *script, name="scripted", ahead=0.0, recorded=False, **counts):
+        self.name, self.script, self.counts, self.ahead = name, list(script), Counts(**counts), ahead
+        self.recorded, self.closed = recorded, False
+
+    def fileno(self):
+        return None
+
+    def due(self):
+        return clock.now() if self.script else math.inf
+
+    def now(self):
+        return clock.now() + self.ahead
+
+    def receive(self):
+        found = self.script.pop(0) if self.script else []
+        if isinstance(found, Exception):
+            raise found
+        return found
+
+    def close(self):
+        self.closed = True
+
+
 class Watched:
     """A source, received from like in the service."""
 
@@ -128,10 +156,10 @@ def scripted_tracker():
 
 
 @pytest.fixture
-def watch(until_end):
-    """Open a source of a device and a tracker, or of functions that open them."""
+def watch(until_end, scripted_device, scripted_tracker):
+    """Open a source of the scripted device and tracker, or of other ones, or of functions that open them."""
 
-    def opened(device, tracker, **options):
+    def opened(device=scripted_device, tracker=scripted_tracker, **options):
         open_device = device if callable(device) else lambda: device
         open_tracker = tracker if callable(tracker) else lambda _device: tracker
         return Watched(until_end(SensorSource("test:", open_device, open_tracker, **options)))
@@ -272,6 +300,13 @@ def read(device):
     return wait_until(lambda: device.read(0.5))
 
 
+def refused(function, *args, **options):
+    """Return the error of a source with which a function ends."""
+    with pytest.raises(SourceError) as caught:
+        function(*args, **options)
+    return caught.value
+
+
 def data_of(content):
     """Return where the depths and colours are in a recording, in the order of time."""
     found, place = [], 24
@@ -343,4 +378,4 @@ def write_dump(tmp_path):
 @pytest.fixture
 def performer():
     """(20, 3) joints of a performer who faces the sensor, 2.5 m away, with the right arm up."""
-    return np.array([STANDING[name] for name in JOINT_INDEX]) + np.array([0.1, 0.05, 2.5])
+    return STANDS + np.array([0.1, 0.05, 2.5])

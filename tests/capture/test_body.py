@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from capture.body import (
     ANKLE_HEIGHT_METRES,
@@ -74,7 +75,7 @@ def test_reach_is_the_straight_limb_from_shoulder_or_hip_and_that_of_the_trunk_i
     expected |= {"knee": 0.45, "ankle": 0.8, "foot": 0.95}
     bent = body(WAYS | {"wrist": (0, 0.15, 0.2), "hand": (0.1, 0, 0)}, (0, 0, 0))
     for pose in (POSE, bent):
-        np.testing.assert_allclose(reach(pose), [expected[bone_of(joint)] for joint in JOINTS])
+        assert_allclose(reach(pose), [expected[bone_of(joint)] for joint in JOINTS])
     assert reach(NOBODY).min() > 0.05
 
 
@@ -101,7 +102,7 @@ def test_a_resting_pose_is_the_median_of_the_frames_asked_for_in_which_a_joint_i
     positions[[3, 4, 7], 5], confidence[[3, 4, 7], 5] = np.nan, LOST
     confidence[:, 6] = INFERRED
     found = resting_pose(positions, confidence, first=3, count=5)
-    np.testing.assert_array_equal(found[4:8], [[5, 4, 0], [5.5, 5, 0], [5, 6, 0], [6, 7, 0]])
+    assert_array_equal(found[4:8], [[5, 4, 0], [5.5, 5, 0], [5, 6, 0], [6, 7, 0]])
 
 
 @pytest.mark.parametrize(
@@ -111,7 +112,7 @@ def test_a_joint_lost_in_all_frames_is_measured_in_the_nearest_ones(take, lost, 
     positions, confidence = take
     positions[lost, 5], confidence[lost, 5] = np.nan, LOST
     found = resting_pose(positions, confidence, first, count)
-    np.testing.assert_array_equal(found[5], [x, 5 + 0 * x, 0 * x])
+    assert_array_equal(found[5], [x, 5 + 0 * x, 0 * x])
     assert np.isfinite(np.delete(found, 5, axis=0)).all()
 
 
@@ -128,13 +129,13 @@ def test_an_upright_stand_has_the_bone_lengths_and_the_heading_of_the_pose():
         assert way_to(stand, joint)[1] == pytest.approx(np.linalg.norm(way_to(stand, joint)))
     for joint in ("knee_left", "knee_right", "elbow_left", "wrist_right"):
         assert way_to(stand, joint)[1] < -0.98 * np.linalg.norm(way_to(stand, joint))
-    np.testing.assert_allclose(stand, upright(STEP) @ turn, atol=1e-12)
+    assert_allclose(stand, upright(STEP) @ turn, atol=1e-12)
 
 
 def test_bones_that_nearly_stand_upright_feet_and_joints_beside_unknown_ones_stay_as_they_are():
     stand = upright(STEP)
     for joint in ("head", "ankle_left", "ankle_right", "foot_left", "hip_right"):
-        np.testing.assert_allclose(way_to(stand, joint), way_to(STEP, joint), atol=1e-12)
+        assert_allclose(way_to(stand, joint), way_to(STEP, joint), atol=1e-12)
     turned = {"spine", "shoulder_center", "elbow", "wrist", "knee"}
     assert set(map(bone_of, not_upright(STEP))) == turned
     assert not_upright(stand) == []
@@ -142,4 +143,4 @@ def test_bones_that_nearly_stand_upright_feet_and_joints_beside_unknown_ones_sta
     pose[elbow] = np.nan
     stand = upright(pose)
     assert np.flatnonzero(np.isnan(stand).any(axis=1)).tolist() == [elbow]
-    np.testing.assert_array_equal(stand[wrist], pose[wrist])
+    assert_array_equal(stand[wrist], pose[wrist])

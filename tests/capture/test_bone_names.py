@@ -93,17 +93,17 @@ def test_controls_count_where_vertices_follow_them():
     assert joint_meanings(names, [True] * 5)[:3] == [JointMeaning("left", None, "foot"), None, None]
 
 
-def test_a_word_before_most_names_says_nothing():
-    """As in exports with the meshes of bones between the joints."""
+@pytest.mark.parametrize(
+    ("word", "others"),
+    [
+        ("FullBody_", []),
+        # as in exports with the meshes of bones between the joints
+        ("Character1_", ["L_Radius_RIGMESH", "R_Radius_RIGMESH", "Torso_RIGMESH", "Pelvis_RIGMESH"]),
+    ],
+)
+def test_a_word_before_all_or_most_names_says_nothing(word, others):
     names = ["Hips", "Spine", "LeftArm", "LeftForeArm", "LeftHand", "RightArm", "RightForeArm", "RightHand"]
-    others = ["L_Radius_RIGMESH", "R_Radius_RIGMESH", "Torso_RIGMESH", "Pelvis_RIGMESH"]
-    found = find_bones([*(f"Character1_{name}" for name in names), *others])
-    assert found == find_bones(names)
-
-
-def test_a_word_with_which_all_names_begin_says_nothing():
-    names = ["Hips", "Neck", "Head", "LeftArmUpper", "LeftArmLower", "RightArmUpper", "RightArmLower"]
-    assert find_bones([f"FullBody_{name}" for name in names]) == find_bones(names)
+    assert find_bones([*(word + name for name in names), *others]) == find_bones(names)
 
 
 def test_a_wrist_or_ankle_may_follow_the_part_that_begins_there():

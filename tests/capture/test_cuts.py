@@ -1,14 +1,15 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from capture.clip import SkeletonClip
 from capture.cuts import cut_frames
 from capture.skeleton import JOINT_INDEX, LIMBS, OPPOSITE
 from capture.timeline import resample
 
-from .bodies import STANDING
+from .bodies import STANDS
 
-BODY = np.array(list(STANDING.values())) + np.array([0, 1, 2.5])
+BODY = STANDS + np.array([0, 1, 2.5])
 SEEN = np.ones((60, 20), np.float32)
 
 
@@ -53,33 +54,28 @@ def test_no_frame_of_a_timeline_is_between_the_two_sides_of_a_cut(fps):
     carried = timeline.positions - BODY
     after = timeline.times >= times[30] - 1e-6
     expected = np.where(after, 3 + 0.5 * timeline.times, np.minimum(0.5 * timeline.times, 0.5 * times[29]))
-    np.testing.assert_allclose(carried[..., 0], expected[:, None].repeat(20, 1), atol=1e-5)
+    assert_allclose(carried[..., 0], expected[:, None].repeat(20, 1), atol=1e-5)
     assert (timeline.confidence == 1).all()
     assert np.isfinite(timeline.orientations).all()
     assert timeline.gaps == ()
 
 
-def test_no_frame_is_between_the_two_sides_of_a_cut_after_a_lost_frame():
-    times, positions = walk(30, 0.0)
-    positions[30:] += [3, 0, 0]
-    confidence = SEEN.copy()
-    confidence[29], positions[29] = 0, np.nan
-    timeline = resample(SkeletonClip("test", 0, times, positions, confidence), 97)
-    carried = (timeline.positions - BODY)[..., 0]
-    np.testing.assert_allclose(carried, np.where(timeline.times < times[30] - 1e-6, 0, 3)[:, None].repeat(20, 1))
-
-
+@pytest.mark.parametrize("frames", [[], [29]])
 @pytest.mark.parametrize("lost", [1, 5, 12])
-def test_a_joint_that_is_lost_before_or_after_a_cut_is_on_one_side_of_it(lost):
+def test_joints_and_frames_that_are_lost_before_or_after_a_cut_are_on_one_side_of_it(frames, lost):
+    head, hand, foot = (JOINT_INDEX[name] for name in ("head", "hand_left", "foot_left"))
+    gaps = {head: slice(30 - lost, 30), hand: slice(30, 30 + lost), foot: slice(0)}
     times, positions = walk(30, 0.0)
     positions[30:] += [3, 0, 0]
     confidence = SEEN.copy()
-    head, hand = JOINT_INDEX["head"], JOINT_INDEX["hand_left"]
-    for joint, own in ((head, slice(30 - lost, 30)), (hand, slice(30, 30 + lost))):
-        confidence[own, joint], positions[own, joint] = 0, np.nan
+    confidence[frames] = 0
+    for joint, gap in gaps.items():
+        confidence[gap, joint] = 0
+    positions[confidence == 0] = np.nan
     timeline = resample(SkeletonClip("test", 0, times, positions, confidence), 97)
     carried = (timeline.positions - BODY)[..., 0]
-    after = timeline.times >= times[30] - 1e-6
-    np.testing.assert_allclose(carried[:, head], np.where(after, 3, 0), atol=1e-9)
-    np.testing.assert_allclose(carried[:, hand], np.where(timeline.times >= times[30 + lost] - 1e-6, 3, 0), atol=1e-9)
-    assert not timeline.confidence[after & (timeline.times < times[30 + lost] - 1e-6), hand].any()
+    for joint, gap in gaps.items():
+        begin = times[gap.stop if gap.start == 30 else 30] - 1e-6
+        assert_allclose(carried[:, joint], np.where(timeline.times < begin, 0, 3), atol=1e-9)
+    after, back = (times[frame] - 1e-6 for frame in (30, 30 + lost))
+    assert not timeline.confidence[(timeline.times >= after) & (timeline.times < back), hand].any()

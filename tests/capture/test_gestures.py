@@ -4,12 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from puppetline.examples.performances import PERFORMANCES
 
 from capture.formats import read_log
 from capture.gestures import HandsUp
-from capture.skeleton import JOINT_INDEX, JOINTS, LOST, SkeletonFrame
+from capture.skeleton import JOINT_INDEX, JOINTS, LOST
 from puppetline.errors import PuppetlineError
+from puppetline.examples.performances import PERFORMANCES
+
+from ..recordings import tracked_frame
 
 REAL = {("joints_s04_e02.txt", second) for second in (96, 124, 136)}
 """Recordings in which somebody holds both hands up for two seconds, and the seconds when."""
@@ -25,7 +27,7 @@ def poses(script, fps=30):
             for side, height in zip(("left", "right"), heights, strict=True):
                 for joint in ("wrist", "hand"):
                     positions[JOINT_INDEX[f"{joint}_{side}"], 1] = stands[JOINT_INDEX["head"], 1] + height
-            yield SkeletonFrame(time, 1, positions, np.ones(20, np.float32))
+            yield tracked_frame(time, positions)
             time += 1 / fps
 
 

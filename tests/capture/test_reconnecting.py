@@ -5,41 +5,14 @@ import pytest
 
 from capture.events import TICK_SECONDS, Lost, Tick
 from capture.reconnecting import RETRY_SECONDS, ReopeningSource
-from capture.source import Counts, SilentSource, wait
-from puppetline import clock
+from capture.source import SilentSource, wait
 from puppetline.errors import SourceError
+
+from .conftest import ScriptedSource
 
 pytestmark = pytest.mark.usefixtures("given_clock")
 
 GONE = SourceError("device", found="nothing there", expected="a device", fix="Plug it in.")
-
-
-class Scripted:
-    """A source that returns one list of a script per call, or raises its exception; nothing at the end."""
-
-    name = "scripted"
-
-    def __init__(self, *script, received=0, ahead=0.0, recorded=False):
-        self.script, self.counts, self.ahead = list(script), Counts(received), ahead
-        self.recorded, self.closed = recorded, False
-
-    def fileno(self):
-        return None
-
-    def due(self):
-        return clock.now() if self.script else math.inf
-
-    def now(self):
-        return clock.now() + self.ahead
-
-    def receive(self):
-        found = self.script.pop(0) if self.script else []
-        if isinstance(found, Exception):
-            raise found
-        return found
-
-    def close(self):
-        self.closed = True
 
 
 def reopening(*openings):
@@ -72,7 +45,10 @@ def test_a_source_that_cannot_be_opened_at_first_is_an_error():
 
 
 def test_a_failed_source_is_closed_and_replaced_by_ticks_until_it_is_open_again():
-    first, second = Scripted(RuntimeError("the cable"), ahead=100.0, received=5), Scripted([Lost(0.0, 3)], received=2)
+    first, second = (
+        ScriptedSource(RuntimeError("the cable"), ahead=100.0, received=5),
+        ScriptedSource([Lost(0.0, 3)], received=2),
+    )
     source, _ = reopening(first, GONE, OSError("in its own way"), second)
     start = source.now()
     assert source.receive() == []
@@ -92,7 +68,11 @@ def test_a_failure_is_logged_once_and_its_end_with_the_first_event_except_ticks(
     caplog.set_level("INFO")
     tick, lost = Tick(0.0), Lost(0.0, 1)
     source, left = reopening(
-        Scripted(GONE), Scripted([tick], GONE), GONE, Scripted([tick], [lost], [lost], GONE), Scripted()
+        ScriptedSource(GONE),
+        ScriptedSource([tick], GONE),
+        GONE,
+        ScriptedSource([tick], [lost], [lost], GONE),
+        ScriptedSource(),
     )
     run(source, lambda: not left)
     silent = f"the source is silent: {GONE}"
@@ -101,8 +81,8 @@ def test_a_failure_is_logged_once_and_its_end_with_the_first_event_except_ticks(
 
 
 def test_images_without_a_performer_end_a_failure():
-    second = Scripted([Tick(0.0)], [Tick(1.0)])
-    source, _ = reopening(Scripted(GONE), second)
+    second = ScriptedSource([Tick(0.0)], [Tick(1.0)])
+    source, _ = reopening(ScriptedSource(GONE), second)
     run(source, lambda: source.inner is second)
     assert source.failure == str(GONE)
     second.counts.received += 1
@@ -111,7 +91,7 @@ def test_images_without_a_performer_end_a_failure():
 
 
 def test_a_recording_that_has_ended_is_not_opened_again(given_clock):
-    source, left = reopening(Scripted(GONE, recorded=True), Scripted())
+    source, left = reopening(ScriptedSource(GONE, recorded=True), ScriptedSource())
     assert source.receive() == []
     end = given_clock.now() + 3 * RETRY_SECONDS
     run(source, lambda: given_clock.now() > end)

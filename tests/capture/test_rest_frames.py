@@ -1,29 +1,28 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from capture.rest_frames import in_place, resting_frames
-from capture.skeleton import JOINT_INDEX
 
-from .bodies import STANDING, body
+from .bodies import STANDS, body, both, table
 
-WAYS = {
-    "hip_center": (0, 0, 0),
-    "spine": (0, 0.07, 0),
-    "shoulder_center": (0, 0.34, 0),
-    "head": (0, 0.2, 0),
-    "shoulder": (0.2, 0, 0),
-    "elbow": (0.26, 0, 0),
-    "wrist": (0.25, 0, 0),
-    "hand": (0.08, 0, 0),
-    "hip": (0.1, 0, 0),
-    "knee": (0, -0.48, 0),
-    "ankle": (0, -0.38, 0),
-    "foot": (0, -0.03, -0.09),
-}
+WAYS = table("""
+spine           0 0.07 0
+shoulder_center 0 0.34 0
+head            0 0.2 0
+shoulder        0.2 0 0
+elbow           0.26 0 0
+wrist           0.25 0 0
+hand            0.08 0 0
+hip             0.1 0 0
+knee            0 -0.48 0
+ankle           0 -0.38 0
+foot            0 -0.03 -0.09
+""")
 T_POSE = body(WAYS, (0, 0, 0))
-PERFORMER = np.array(list(STANDING.values())) + np.array([3, 1, 0])
-ANKLES = [JOINT_INDEX["ankle_left"], JOINT_INDEX["ankle_right"]]
+PERFORMER = STANDS + np.array([3, 1, 0])
+ANKLES = both("ankle")
 
 
 def moving(count):
@@ -50,10 +49,9 @@ def test_motion_that_begins_in_a_rest_pose_and_jumps_between_other_poses_are_kep
 def test_a_rest_pose_is_put_where_the_motion_begins():
     frames = moving(10) @ Rotation.from_rotvec([0, 1.1, 0]).as_matrix().T
     rest = in_place(T_POSE, frames)
-    across = [pose[JOINT_INDEX["hip_right"]] - pose[JOINT_INDEX["hip_left"]] for pose in (rest, frames[0])]
-    level = [each[[0, 2]] / np.linalg.norm(each[[0, 2]]) for each in across]
-    np.testing.assert_allclose(*level, atol=1e-12)
-    np.testing.assert_allclose(rest[0, [0, 2]], frames[0, 0, [0, 2]], atol=1e-12)
+    across = [np.diff(pose[both("hip")], axis=0)[0, [0, 2]] for pose in (rest, frames[0])]
+    assert_allclose(*(each / np.linalg.norm(each) for each in across), atol=1e-12)
+    assert_allclose(rest[0, [0, 2]], frames[0, 0, [0, 2]], atol=1e-12)
     assert rest[ANKLES, 1].min() == pytest.approx(np.median(frames[:, ANKLES, 1].min(axis=1)))
     lengths = [np.linalg.norm(pose[:, None] - pose[None], axis=2) for pose in (rest, T_POSE)]
-    np.testing.assert_allclose(*lengths, atol=1e-12)
+    assert_allclose(*lengths, atol=1e-12)

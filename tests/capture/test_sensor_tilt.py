@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from capture.clip import SkeletonClip
@@ -7,9 +8,9 @@ from capture.sensor_pose import SensorPose
 from capture.sensor_tilt import SensorTilt, estimate_tilt
 from capture.skeleton import JOINT_INDEX, JOINTS
 
-from .bodies import STANDING
+from .bodies import STANDS, both
 
-ANKLES = [JOINT_INDEX["ankle_left"], JOINT_INDEX["ankle_right"]]
+ANKLES = both("ankle")
 
 
 def turned(pose, degrees, height):
@@ -23,7 +24,7 @@ def turned(pose, degrees, height):
 @pytest.fixture
 def upright():
     """Return a performer on the floor, with ankles at their height above it, and legs and trunk in one line."""
-    pose = np.array([STANDING[name] for name in JOINTS]) * [1, 1, 0.2] + [0, 0, 2.5]
+    pose = STANDS * [1, 1, 0.2] + [0, 0, 2.5]
     pose[:, 1] += 0.09 - pose[ANKLES, 1].mean()
     return pose
 
@@ -34,14 +35,14 @@ def test_a_performer_who_stands_upright_determines_the_tilt(upright, degrees, he
     seen = turned(upright, degrees, height)
     sensor = estimate_tilt(seen)
     assert sensor.tilt == pytest.approx(degrees, abs=1.5)
-    np.testing.assert_allclose(sensor.upright(seen)[:, 1], upright[:, 1], atol=0.04)
+    assert_allclose(sensor.upright(seen)[:, 1], upright[:, 1], atol=0.04)
 
 
 def test_levelling_undoes_the_sensor_exactly(upright):
-    np.testing.assert_allclose(SensorTilt(25.0, 1.4).upright(turned(upright, 25.0, 1.4)), upright, atol=1e-12)
+    assert_allclose(SensorTilt(25.0, 1.4).upright(turned(upright, 25.0, 1.4)), upright, atol=1e-12)
     pose = SensorPose.of_degrees(-15.0, 0.0, 90.0, np.array([0.0, 0.8, 0.0]))
     seen = (upright - pose.position) @ pose.rotation
-    np.testing.assert_allclose(SensorTilt(-15.0, 0.8, 90.0).upright(seen), upright, atol=1e-12)
+    assert_allclose(SensorTilt(-15.0, 0.8, 90.0).upright(seen), upright, atol=1e-12)
 
 
 def test_bones_of_clips_and_frames_are_turned_with_the_joints_that_are_levelled(upright):
@@ -50,9 +51,9 @@ def test_bones_of_clips_and_frames_are_turned_with_the_joints_that_are_levelled(
     clip = SkeletonClip("", 1, np.zeros(1), upright[None], np.ones((1, 20), np.float32), orientations=turns[None])
     [seen], [of_clip] = clip.frames(), sensor.levelled(clip).frames()
     for frame in (sensor.levelled(seen), of_clip):
-        np.testing.assert_allclose(frame.positions, sensor.upright(upright), atol=1e-12)
+        assert_allclose(frame.positions, sensor.upright(upright), atol=1e-12)
         found = Rotation.from_quat(frame.orientations, scalar_first=True).apply([0.0, 0.3, 0.0])
-        np.testing.assert_allclose(frame.positions + found, sensor.upright(ends), atol=1e-12)
+        assert_allclose(frame.positions + found, sensor.upright(ends), atol=1e-12)
     assert SensorTilt().levelled(seen) is seen
     assert SensorTilt().upright(upright) is upright
 

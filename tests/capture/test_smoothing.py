@@ -2,6 +2,7 @@ import math
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from capture.skeleton import INFERRED, JOINT_INDEX, LOST, TRACKED
 from capture.smoothing import JointFilter, Smoothing
@@ -64,7 +65,7 @@ def test_is_the_kinect_sdk_filter_at_30_hz_after_the_start(sdk):
     out = run(smoothing, np.arange(150) / 30, p, confidence)
     for joint in range(20):
         expected = kinect_sdk(p[:, joint], *sdk, inferred[:, joint])
-        np.testing.assert_allclose(out[:, joint], expected, rtol=0, atol=1e-11)
+        assert_allclose(out[:, joint], expected, rtol=0, atol=1e-11)
 
 
 @pytest.mark.parametrize(
@@ -82,7 +83,7 @@ def test_straight_motion_between_15_hz_frames_has_the_same_output_at_30_and_60_h
         part = (between - left)[:, None, None]
         positions = (1 - part) * corners[left] + part * corners[left + 1]
         fast = run(smoothing, between / 15, positions)[times_faster::times_faster]
-        np.testing.assert_allclose(fast, slow, rtol=0, atol=1e-12)
+        assert_allclose(fast, slow, rtol=0, atol=1e-12)
 
 
 def test_constant_velocity_is_followed_without_lag_whatever_came_before():
@@ -90,7 +91,7 @@ def test_constant_velocity_is_followed_without_lag_whatever_came_before():
     line = np.array([0.4, -0.3, 0.9]) * times[:, None, None] + np.zeros((400, 20, 3))
     line[:20] += random_walk(20, step=0.2)
     out = run(Smoothing(0.3, 0.4, **EQ_4_ONLY), times, line)
-    np.testing.assert_allclose(out[-50:], line[-50:], rtol=0, atol=1e-12)
+    assert_allclose(out[-50:], line[-50:], rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize(("position", "confidence"), [(np.nan, TRACKED), (7.0, LOST)])
@@ -101,7 +102,7 @@ def test_a_lost_joint_holds_its_last_output_and_starts_afresh(position, confiden
     p[lost, HEAD], sure[lost, HEAD] = position, confidence
     expected[lost, HEAD] = expected[9, HEAD]
     expected[17:, HEAD] = run(smoothing, times[17:], p[17:])[:, HEAD]
-    np.testing.assert_array_equal(run(smoothing, times, p, sure), expected)
+    assert_array_equal(run(smoothing, times, p, sure), expected)
     p[:3, HEAD] = np.nan  # until it is first seen
     assert np.argwhere(np.isnan(run(smoothing, times, p, sure)[..., 0])).tolist() == [[k, HEAD] for k in range(3)]
 
@@ -111,10 +112,10 @@ def test_reset_forgets_everything_even_the_time_and_results_are_copies():
     run(None, 100 + np.arange(10) / 30, p, joint_filter=joint_filter)
     joint_filter.reset()
     again = run(None, np.arange(10) / 30, p, joint_filter=joint_filter)
-    np.testing.assert_array_equal(again, run(Smoothing(), np.arange(10) / 30, p))
+    assert_array_equal(again, run(Smoothing(), np.arange(10) / 30, p))
     last = joint_filter.step(1.0, p[0], 0 * ALL_TRACKED)
     last += 5.0
-    np.testing.assert_array_equal(joint_filter.step(2.0, p[0], 0 * ALL_TRACKED), again[-1])
+    assert_array_equal(joint_filter.step(2.0, p[0], 0 * ALL_TRACKED), again[-1])
 
 
 def test_time_that_does_not_increase_is_refused():

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from capture.clip import SkeletonClip
 from capture.skeleton import JOINT_INDEX
@@ -24,9 +25,9 @@ def clip(times, x, lost=(), user=0):
 def test_a_clip_on_the_clock_is_unchanged(start):
     recorded = clip(start + np.arange(500) / 30, np.random.default_rng(0).normal(size=500))
     timeline = resample(recorded, 30.0)
-    np.testing.assert_array_equal(timeline.positions, recorded.positions)
-    np.testing.assert_array_equal(timeline.confidence, recorded.confidence)
-    np.testing.assert_allclose(timeline.times, recorded.times - start, rtol=0, atol=1e-6)
+    assert_array_equal(timeline.positions, recorded.positions)
+    assert_array_equal(timeline.confidence, recorded.confidence)
+    assert_allclose(timeline.times, recorded.times - start, rtol=0, atol=1e-6)
     assert (timeline.gaps, timeline.held, timeline.summary()) == ((), 0, "500 frames at 30 per second")
 
 
@@ -36,18 +37,16 @@ def test_interpolates_linearly_with_the_lower_confidence():
     recorded.confidence[2, HEAD] = 0.5
     timeline = resample(recorded, fps=25.0)
     x = np.array([0.0, 0.4, 0.8, 1.4, 2.2, 3.0])
-    np.testing.assert_allclose(
-        1000 * timeline.positions[:, SPINE, :2], np.stack([x, 10 * x], axis=1), rtol=0, atol=1e-11
-    )
-    np.testing.assert_array_equal(timeline.confidence[:, [SPINE, HEAD]].T, [6 * [1], 3 * [1] + 3 * [0.5]])
+    assert_allclose(1000 * timeline.positions[:, SPINE, :2], np.stack([x, 10 * x], axis=1), rtol=0, atol=1e-11)
+    assert_array_equal(timeline.confidence[:, [SPINE, HEAD]].T, [6 * [1], 3 * [1] + 3 * [0.5]])
 
 
 def test_a_gap_of_just_max_gap_is_bridged_and_a_longer_one_is_held_and_reported():
     timeline = resample(clip([0.1, 0.35, 1.1], [0.0, 1.0, 5.0]), fps=20.0, max_gap=0.25)
     x = [0.0, 0.2, 0.4, 0.6, 0.8] + 15 * [1.0] + [5.0]
-    np.testing.assert_allclose(1000 * timeline.positions[:, HEAD, 0], x, rtol=0, atol=1e-9)
-    np.testing.assert_array_equal(timeline.confidence[:, HEAD], 6 * [1] + 14 * [0] + [1])
-    np.testing.assert_allclose(timeline.gaps, [(0.25, 1.0)], rtol=0, atol=1e-12)
+    assert_allclose(1000 * timeline.positions[:, HEAD, 0], x, rtol=0, atol=1e-9)
+    assert_array_equal(timeline.confidence[:, HEAD], 6 * [1] + 14 * [0] + [1])
+    assert_allclose(timeline.gaps, [(0.25, 1.0)], rtol=0, atol=1e-12)
     assert timeline.held == 14 * 20
     assert timeline.summary() == (
         "21 frames at 20 per second, 66.7 % of the joint positions held while lost, 1 gap (longest 0.75 s, from 0.25 s)"
@@ -62,16 +61,16 @@ def test_a_joint_is_held_by_itself_and_stays_at_its_nearest_sample_at_both_ends(
     sure = {HEAD: [1, 1, 1, *5 * [0], 1, 1, 1], 0: [0, 0, *9 * [1]], NEVER: 11 * [0]}
     x[1], sure[1] = [*range(9), 8, 8], [*9 * [1], 0, 0]
     for joint, expected in x.items():
-        np.testing.assert_allclose(1000 * timeline.positions[:, joint, 0], expected, rtol=0, atol=1e-12)
+        assert_allclose(1000 * timeline.positions[:, joint, 0], expected, rtol=0, atol=1e-12)
     for joint, expected in sure.items():
-        np.testing.assert_array_equal(timeline.confidence[:, joint], expected)
+        assert_array_equal(timeline.confidence[:, joint], expected)
     assert np.flatnonzero(np.isnan(timeline.positions).any(axis=(0, 2))).tolist() == [NEVER]
     assert (timeline.held, timeline.gaps) == (5 + 2 + 2, ())
 
 
 def test_untracked_frames_at_both_ends_are_cut_off():
     whole = clip(3.0 + np.arange(8) / 30, np.arange(8.0), [[0, 1, 7]])
-    np.testing.assert_array_equal(resample(whole).positions, whole.positions[2:7])
+    assert_array_equal(resample(whole).positions, whole.positions[2:7])
     timeline = resample(clip([4.2], [1.5]))
     assert (timeline.times.tolist(), timeline.summary()) == ([0.0], "1 frame at 30 per second")
 

@@ -2,9 +2,6 @@
 
 import numpy as np
 
-from capture.formats import bvh
-from capture.formats.options import ReadOptions
-
 ROTATIONS = ("Zrotation", "Yrotation", "Xrotation")
 POSITIONS = ("Xposition", "Yposition", "Zposition")
 
@@ -45,15 +42,30 @@ def motion(rows):
     return ["MOTION", f"Frames: {len(rows)}", "Frame Time: 0.04", *(" ".join(map(repr, row)) for row in rows.tolist())]
 
 
-def write(folder, lines, name="take.bvh"):
-    path = folder / name
-    path.write_text("\n".join(lines) + "\n")
-    return path
+def still(frames=2):
+    """Return a recording of the rest pose; the columns are root x y z, then z y x degrees of each joint."""
+    return np.zeros((frames, 3 + 3 * JOINT_COUNT))
 
 
-def body_file(folder, rows=None, name="take.bvh", **changes):
-    rows = np.zeros((2, 3 + 3 * JOINT_COUNT)) if rows is None else rows
-    return write(folder, ["HIERARCHY", *hierarchy(BODY, **changes), *motion(rows)], name)
+def random_rows(frames=6, seed=3):
+    """Return a recording of small bends."""
+    rows = np.random.default_rng(seed).uniform(-35, 35, (frames, 3 + 3 * JOINT_COUNT))
+    rows[:, 3:6] /= 10
+    return rows
+
+
+def lines_of(rows, tree=BODY, **changes):
+    return ["HIERARCHY", *hierarchy(tree, **changes), *motion(rows)]
+
+
+def joints_in(lines):
+    """Return the names of the joints in the order of their columns."""
+    return [line.split()[1] for line in lines if line.startswith(("ROOT", "JOINT"))]
+
+
+def body_file(folder, rows):
+    (folder / "take.bvh").write_text("\n".join(lines_of(rows)) + "\n")
+    return folder / "take.bvh"
 
 
 def animal_leg(name, x, z):
@@ -72,19 +84,10 @@ ANIMAL = ("Hips", (0, 0, 0), [
 ])  # fmt: skip
 
 
-def animal_file(folder, name="take.bvh"):
-    """Write an animal on four legs that stands still."""
-    lines = hierarchy(ANIMAL)
-    joints = sum(line.split()[0] in ("ROOT", "JOINT") for line in lines)
-    return write(folder, ["HIERARCHY", *lines, *motion(np.zeros((3, 3 + 3 * joints)))], name)
+def animal_lines(rows=None):
+    """Return an animal on four legs that stands still, or moves."""
+    return lines_of(np.zeros((3, 3 + 3 * len(joints_in(hierarchy(ANIMAL))))) if rows is None else rows, ANIMAL)
 
 
-def random_rows(frames=6, seed=3):
-    """Return a recording of small bends; the columns are root x y z, then z y x degrees of each joint."""
-    rows = np.random.default_rng(seed).uniform(-35, 35, (frames, 3 + 3 * JOINT_COUNT))
-    rows[:, 3:6] /= 10
-    return rows
-
-
-def clips_of(path, **options):
-    return tuple(bvh.read(path, ReadOptions(**options)))
+def animal_file(folder, name):
+    (folder / name).write_text("\n".join(animal_lines()) + "\n")

@@ -2,26 +2,71 @@
 
 import io
 import pickle
+from functools import partial
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.io import savemat
 from scipy.spatial.transform import Rotation
 
 from capture.formats import arrays, smpl
 from capture.formats.layouts import JOINT_SETS
-from capture.formats.options import ReadOptions
 from capture.formats.proportions import bone_ratios
 from capture.skeleton import JOINT_INDEX, JOINTS
 from puppetline.errors import SkeletonLogError
 
-from .test_positions import joints_as, person
+from ..bodies import both
+from .people import LIMBS, PERSON, assert_reads, joints_as
 
 
-def saved(function=np.save, *content, **named):
+def written(function, *content, **named):
     buffer = io.BytesIO()
     function(buffer, *content, **named)
     return buffer.getvalue()
+
+
+npy, npz, mat = (partial(written, function) for function in (np.save, np.savez, savemat))
+"""Write arrays to a file in memory."""
+
+
+def of_names(places):
+    """Return a place for each joint of a Matlab structure."""
+    return dict(zip(JOINTS, places, strict=True))
+
+
+def matrices(*, by_columns):
+    """Return matrices (T, 20, 4, 4) whose origins are a person's joints."""
+    axes = np.tile(np.eye(4), (*PERSON.shape[:2], 1, 1))
+    axes[..., :3, 3] = PERSON
+    return axes.swapaxes(2, 3) if by_columns else axes
+
+
+AXES = dict(zip("xyz", np.moveaxis(PERSON, 2, 0), strict=True))
+MOCAP_TOOLBOX = {"markerName": np.array(JOINTS, dtype=object)[:, None], "data": PERSON.reshape(len(PERSON), -1)}
+QUALISYS = of_names(PERSON.swapaxes(0, 1))
+
+
+@pytest.mark.parametrize(
+    ("content", "step"),
+    [
+        (npy(matrices(by_columns=False)), 1 / 30),
+        (npy(matrices(by_columns=True)), 1 / 30),
+        (npz(**{f"joints_{axis}": places for axis, places in AXES.items()}), 1 / 30),
+        (mat({axis.upper(): places for axis, places in AXES.items()}), 1 / 30),
+        (npy(PERSON.transpose(0, 2, 1).reshape(len(PERSON), -1)), 1 / 30),
+        (mat({"body": of_names(dict(zip("xyz", each.T, strict=True)) for each in QUALISYS.values())}), 1 / 30),
+        (mat({"d_skel": PERSON.transpose(1, 2, 0), "fps": 60.0}), 1 / 60),
+        *(
+            (mat({"walk": take | {"freq": 60.0}, "author": "x"}, do_compression=is_small), 1 / 60)
+            for take in (MOCAP_TOOLBOX, QUALISYS)
+            for is_small in (False, True)
+        ),
+    ],
+)
+def test_positions_may_have_names_axes_apart_matrices_and_a_rate(read, content, step):
+    [clip] = read(arrays, content)
+    assert_reads(clip, step=step)
 
 
 @pytest.mark.parametrize(
@@ -31,53 +76,30 @@ def saved(function=np.save, *content, **named):
 @pytest.mark.parametrize("axes", [(0, 1, 2), (1, 2, 0), (2, 0, 1)])
 def test_the_order_of_joints_and_axes_is_found(read, name, axes):
     joints = joints_as(JOINT_SETS[name])
-    [clip] = read(arrays, saved(np.save, joints.transpose(axes)), fps=50.0)
-    arms = [JOINT_INDEX[f"{joint}_{side}"] for joint in ("elbow", "wrist", "knee") for side in ("left", "right")]
-    np.testing.assert_allclose(clip.positions[:, arms], person()[:, arms], atol=1e-9)
+    [clip] = read(arrays, npy(joints.transpose(axes)), fps=50.0)
+    assert_reads(clip, joints=both("elbow", "wrist", "knee"))
     assert clip.times[1] == 0.02
 
 
 def test_people_and_confidences_in_an_archive(read):
-    people = np.stack([person(6), person(6) + np.array([1.0, 0, 0])])
-    content = np.concatenate([people, np.ones((2, 6, 20, 1))], axis=3)
+    people = np.stack([PERSON, PERSON + np.array([1.0, 0, 0])])
+    content = np.concatenate([people, np.ones((2, 4, 20, 1))], axis=3)
     content[1, 2, 5, 3] = 0.25
-    one, other = read(arrays, saved(np.savez, keypoints=content, scores=np.ones(6)))
-    np.testing.assert_allclose(one.positions, people[0], atol=1e-9)
+    one, other = read(arrays, npz(keypoints=content, scores=np.ones(4)))
+    assert_reads(one)
+    assert_reads(other, people[1])
     assert np.argwhere(other.confidence < 1).tolist() == [[2, 5]]
 
 
-def test_matlab_files_and_a_rate_in_the_file(read, tmp_path):
-    savemat(tmp_path / "joints.mat", {"d_skel": person().transpose(1, 2, 0), "fps": 60.0})
-    [clip] = read(arrays, (tmp_path / "joints.mat").read_bytes())
-    np.testing.assert_array_equal(clip.positions, person())
-    assert clip.times[3] == 0.05
-
-
-def test_the_variables_of_a_matlab_file_without_arrays_are_named(read, tmp_path):
-    for do_compression in (False, True):
-        take = {"by": "someone", "place": "x"}
-        savemat(tmp_path / "take.mat", {"walk1": take, "author": "x"}, do_compression=do_compression)
+def test_the_variables_of_a_matlab_file_without_arrays_are_named(read):
+    for is_small in (False, True):
+        take = {"walk1": {"by": "someone", "place": "x"}, "author": "x"}
         with pytest.raises(SkeletonLogError, match=r"walk1 \(structure of by, place\); author \(text\)"):
-            read(arrays, (tmp_path / "take.mat").read_bytes())
-
-
-@pytest.mark.parametrize("do_compression", [False, True])
-def test_structures_with_positions_beside_their_names_or_called_like_joints(read, tmp_path, do_compression):
-    """The MoCap Toolbox has the first, and programs for Qualisys the second."""
-    named = np.array(JOINTS, dtype=object)
-    takes = [
-        {"freq": 60.0, "markerName": named[:, None], "data": person().reshape(len(person()), -1)},
-        dict(zip(JOINTS, person().transpose(1, 0, 2), strict=True)) | {"freq": 60.0},
-    ]
-    for take in takes:
-        savemat(tmp_path / "take.mat", {"walk": take, "author": "x"}, do_compression=do_compression)
-        [clip] = read(arrays, (tmp_path / "take.mat").read_bytes())
-        np.testing.assert_array_equal(clip.positions, person())
-        assert clip.times[3] == 0.05
+            read(arrays, mat(take, do_compression=is_small))
 
 
 @pytest.mark.parametrize("is_named", [True, False])
-def test_structures_may_have_the_bodies_of_each_frame(read, tmp_path, is_named):
+def test_structures_may_have_the_bodies_of_each_frame(read, is_named):
     poses = joints_as(JOINT_SETS["kinect_v2"])
 
     def body(pose):
@@ -89,26 +111,24 @@ def test_structures_may_have_the_bodies_of_each_frame(read, tmp_path, is_named):
     bodies = np.empty((len(poses), 6), object)
     for frame, pose in enumerate(poses):
         bodies[frame] = [{"isBodyTracked": 0.0}] * 2 + [body(pose)] + [{"isBodyTracked": 0.0}] * 3
-    savemat(tmp_path / "body.mat", {"body": bodies})
-    [clip] = read(arrays, (tmp_path / "body.mat").read_bytes())
-    own = [JOINT_INDEX[joint] for joint in JOINTS if joint.startswith(("elbow", "wrist", "hip", "knee", "ankle"))]
-    np.testing.assert_allclose(clip.positions[:, own], person()[:, own], atol=1e-9)
+    [clip] = read(arrays, mat({"body": bodies}))
+    assert_reads(clip, joints=LIMBS)
 
 
 def test_smpl_parameters_turn_the_bones(read):
     poses = np.zeros((5, 52, 3))
     poses[:, 16] = [0, 0, -np.pi / 2]  # the left arm hangs
     poses[:, 0] = Rotation.from_euler("x", 90, degrees=True).as_rotvec()  # z up
-    content = saved(np.savez, poses=poses.reshape(5, -1), trans=np.ones((5, 3)), mocap_framerate=120.0, gender="male")
+    content = npz(poses=poses.reshape(5, -1), trans=np.ones((5, 3)), mocap_framerate=120.0, gender="male")
     [clip] = read(arrays, content)
     assert clip.times[1] == pytest.approx(1 / 120)
     place = {joint: clip.positions[2, index] for joint, index in JOINT_INDEX.items()}
     arm = place["wrist_left"] - place["shoulder_left"]
-    np.testing.assert_allclose(arm / np.linalg.norm(arm), [0, -1, 0], atol=1e-9)
+    assert_allclose(arm / np.linalg.norm(arm), [0, -1, 0], atol=1e-9)
     other = place["wrist_right"] - place["shoulder_right"]
-    np.testing.assert_allclose(other / np.linalg.norm(other), [1, 0, 0], atol=1e-9)
+    assert_allclose(other / np.linalg.norm(other), [1, 0, 0], atol=1e-9)
     assert (place["head"] - place["hip_center"])[1] > 0.5
-    np.testing.assert_allclose(bone_ratios(clip.positions), 1, atol=1e-6)
+    assert_allclose(bone_ratios(clip.positions), 1, atol=1e-6)
     names, joints = smpl.positions(poses[:, :22], np.zeros((5, 3)))
     assert names == list(JOINT_SETS["smpl"])
     assert joints.shape == (5, 24, 3)
@@ -117,18 +137,18 @@ def test_smpl_parameters_turn_the_bones(read):
 @pytest.mark.parametrize(
     "content",
     [
-        saved(np.save, np.zeros((9, 17, 2))),
-        saved(np.save, np.random.default_rng(0).normal(size=(50, 17, 3))),
-        saved(np.save, np.zeros((9, 263))),
-        saved(np.save, np.array([{"joints": 1}], dtype=object)),
-        saved(np.savez, labels=np.arange(9)),
-        saved(np.save, person())[:-99],
-        saved(np.savez, joints=person())[:-30],
-        saved(np.save, np.zeros((9, 20, 3))),
-        saved(np.save, np.zeros((0, 9, 20, 3))),
-        saved(np.save, person()).replace(b"(4, 20, 3)", b"(4, 20, (3"),
-        saved(np.save, person()).replace(b"3), }" + 20 * b" ", b"3" + 20 * b"0" + b"), }"),
-        saved(np.savez, global_orient=np.zeros((4, 3)), body_pose=np.zeros((5, 63))),
+        npy(np.zeros((9, 17, 2))),
+        npy(np.random.default_rng(0).normal(size=(50, 17, 3))),
+        npy(np.zeros((9, 263))),
+        npy(np.array([{"joints": 1}], dtype=object)),
+        npz(labels=np.arange(9)),
+        npy(PERSON)[:-99],
+        npz(joints=PERSON)[:-30],
+        npy(np.zeros((9, 20, 3))),
+        npy(np.zeros((0, 9, 20, 3))),
+        npy(PERSON).replace(b"(4, 20, 3)", b"(4, 20, (3"),
+        npy(PERSON).replace(b"3), }" + 20 * b" ", b"3" + 20 * b"0" + b"), }"),
+        npz(global_orient=np.zeros((4, 3)), body_pose=np.zeros((5, 63))),
     ],
 )
 def test_other_arrays_are_refused(read, content):
@@ -141,17 +161,28 @@ def test_pickles_are_no_arrays():
     assert not arrays.matches(pickle.dumps({"poses": np.zeros((9, 72))}))
 
 
-def test_an_archive_of_objects_is_called_one(read):
-    with pytest.raises(SkeletonLogError, match="Python objects"):
-        read(arrays, saved(np.savez, results=np.array([{"joints": 1}], dtype=object)))
+ANGLES = {"LKneeAngles": np.ones((9, 3)), "RKneeAngles": np.ones((9, 3)), "time": np.arange(9.0)}
+
+
+@pytest.mark.parametrize(
+    ("content", "found"),
+    [
+        (npz(results=np.array([{"joints": 1}], dtype=object)), "Python objects"),
+        (npy(np.random.default_rng(0).normal(size=(40, 263))), "features of HumanML3D"),
+        (npz(**ANGLES), ": angles, which give no positions without their skeleton"),
+    ],
+)
+def test_arrays_without_positions_are_called_what_they_are(read, content, found):
+    with pytest.raises(SkeletonLogError, match=found):
+        read(arrays, content)
 
 
 def test_one_pose_may_be_a_row_of_numbers(read):
-    [clip] = read(arrays, saved(np.save, joints_as(JOINT_SETS["mediapipe"])[0].ravel()))
+    [clip] = read(arrays, npy(joints_as(JOINT_SETS["mediapipe"])[0].ravel()))
     assert len(clip.times) == 1
 
 
-def test_features_of_humanml3d_become_joints(tmp_path):
+def test_features_of_humanml3d_become_joints(read):
     """The features are made from joints as their paper defines them."""
     rng, count = np.random.default_rng(2), 7
     walk = np.cumsum(rng.uniform(-0.1, 0.1, (count, 3)), axis=0)
@@ -164,24 +195,10 @@ def test_features_of_humanml3d_become_joints(tmp_path):
     features[:, 3] = joints[:, 0, 1]
     level = joints[:, 1:] - joints[:, :1] * [1, 0, 1]
     features[:, 4:67] = np.stack([turn.apply(pose) for turn, pose in zip(away, level, strict=True)]).reshape(count, -1)
-    np.save(tmp_path / "features.npy", features.astype(np.float32))
-    np.save(tmp_path / "joints.npy", joints)
-    [clip] = arrays.read(tmp_path / "features.npy", ReadOptions())
-    [expected] = arrays.read(tmp_path / "joints.npy", ReadOptions(fps=20))
-    np.testing.assert_allclose(clip.positions, expected.positions, atol=1e-5)
-    np.testing.assert_allclose(clip.times, expected.times)
-
-
-def test_normalised_features_are_no_person(tmp_path):
-    np.save(tmp_path / "features.npy", np.random.default_rng(0).normal(size=(40, 263)))
-    with pytest.raises(SkeletonLogError, match="features of HumanML3D"):
-        arrays.read(tmp_path / "features.npy", ReadOptions())
-
-
-def test_arrays_of_angles_are_called_so(read):
-    with pytest.raises(SkeletonLogError) as caught:
-        read(arrays, saved(np.savez, LKneeAngles=np.ones((9, 3)), RKneeAngles=np.ones((9, 3)), time=np.arange(9.0)))
-    assert ": angles, which give no positions without their skeleton" in caught.value.found
+    [clip] = read(arrays, npy(features.astype(np.float32)))
+    [expected] = read(arrays, npy(joints), fps=20)
+    assert_allclose(clip.positions, expected.positions, atol=1e-5)
+    assert_allclose(clip.times, expected.times)
 
 
 @pytest.mark.parametrize(
@@ -190,36 +207,9 @@ def test_arrays_of_angles_are_called_so(read):
 def test_an_unknown_order_of_joints_is_refused(read, swapped):
     order = list(JOINT_SETS["lsp"])
     points = joints_as(order)
-    [clip] = read(arrays, saved(np.save, points))
-    own = [JOINT_INDEX[joint] for joint in order if joint in JOINT_INDEX]
-    np.testing.assert_allclose(clip.positions[:, own], person()[:, own], atol=1e-9)
+    [clip] = read(arrays, npy(points))
+    assert_reads(clip, joints=[JOINT_INDEX[joint] for joint in order if joint in JOINT_INDEX])
     one, other = map(order.index, swapped)
     points[:, [one, other]] = points[:, [other, one]]
     with pytest.raises(SkeletonLogError, match="name the order with --joints"):
-        read(arrays, saved(np.save, points))
-
-
-def matrices(*, by_columns):
-    """Return matrices (T, 20, 4, 4) whose origins are a person's joints."""
-    axes = np.tile(np.eye(4), (*person().shape[:2], 1, 1))
-    axes[..., :3, 3] = person()
-    return axes.swapaxes(2, 3) if by_columns else axes
-
-
-@pytest.mark.parametrize(
-    "content",
-    [
-        saved(np.save, matrices(by_columns=False)),
-        saved(np.save, matrices(by_columns=True)),
-        saved(np.savez, **{f"joints_{axis}": person()[..., k] for k, axis in enumerate("xyz")}),
-        saved(savemat, {axis: person()[..., k] for k, axis in enumerate("XYZ")}),
-        saved(np.save, person().transpose(0, 2, 1).reshape(len(person()), -1)),
-        saved(
-            savemat,
-            {"body": {j: {axis: person()[:, k, a] for a, axis in enumerate("xyz")} for k, j in enumerate(JOINTS)}},
-        ),
-    ],
-)
-def test_positions_may_be_origins_of_matrices_or_have_their_axes_apart(read, content):
-    [clip] = read(arrays, content)
-    np.testing.assert_allclose(clip.positions, person(), atol=1e-9)
+        read(arrays, npy(points))

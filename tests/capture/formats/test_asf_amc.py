@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from capture.formats import asf_amc, read_log
@@ -65,18 +66,18 @@ def take(tmp_path):
 
 @pytest.mark.parametrize("skeleton_name", ["07.asf", "someone.ASF", "other.asf"])
 def test_a_motion_finds_its_skeleton_and_keeps_its_bones_and_its_way(take, skeleton_name):
-    (clip,) = read_log(take(skeleton_name=skeleton_name), ReadOptions())
+    (clip,) = read_log(take(skeleton_name=skeleton_name))
     unit = 0.0254 / 0.45
     assert clip.times.tolist() == [0, 1 / 120, 2 / 120]
     at = {joint: clip.positions[:, index] / unit for joint, index in JOINT_INDEX.items()}
     for joint, parent, length in (("knee_left", "hip_left", 7), ("elbow_right", "shoulder_right", 5)):
-        np.testing.assert_allclose(np.linalg.norm(at[joint] - at[parent], axis=1), length, rtol=0.01)
-    np.testing.assert_allclose(np.linalg.norm(np.diff(at["hip_center"], axis=0), axis=1), 1.0)
+        assert_allclose(np.linalg.norm(at[joint] - at[parent], axis=1), length, rtol=0.01)
+    assert_allclose(np.linalg.norm(np.diff(at["hip_center"], axis=0), axis=1), 1.0)
     assert (at["head"][:, 1] > at["hip_center"][:, 1]).all()
 
 
 def test_a_bone_turns_about_its_own_axes(take):
-    (still,), (turned,) = (read_log(take(frames=[(0, 0), (0, angle)]), ReadOptions()) for angle in (0, 4))
+    (still,), (turned,) = (read_log(take(frames=[(0, 0), (0, angle)])) for angle in (0, 4))
     own = Rotation.from_euler("xyz", AXIS, degrees=True)
     knee, ankle = JOINT_INDEX["knee_left"], JOINT_INDEX["ankle_left"]
     hip = own * Rotation.from_euler("xyz", [4, 4, 4], degrees=True) * own.inv()
@@ -123,7 +124,7 @@ def test_a_chain_may_be_as_long_as_the_largest_skeleton(tmp_path):
 
 def test_a_skeleton_alone_is_its_rest_pose_and_a_motion_alone_is_an_error(take, tmp_path):
     path = take()
-    (rest,) = read_log(tmp_path / "07.asf", ReadOptions())
+    (rest,) = read_log(tmp_path / "07.asf")
     assert len(rest.times) == 1
     (tmp_path / "07.asf").unlink()
     with pytest.raises(SkeletonLogError, match=r"07_01\.amc.*without its skeleton"):

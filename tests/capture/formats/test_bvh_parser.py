@@ -1,11 +1,12 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from capture.formats import bvh, clips
 
-from .bvh_files import BODY, JOINT_COUNT, hierarchy, motion, random_rows
+from .bvh_files import lines_of, random_rows, still
 
-GOOD = ["HIERARCHY", *hierarchy(BODY), *motion(np.zeros((3, 3 + 3 * JOINT_COUNT)))]
+GOOD = lines_of(still(3))
 MOTION = GOOD.index("MOTION") + 1  # the number of its line, from 1
 
 
@@ -14,7 +15,7 @@ def broken(line, *text):
     return [*GOOD[: line - 1], *text, *GOOD[line:]] if text else GOOD[: line - 1]
 
 
-ZEROS = ["0"] * (3 + 3 * JOINT_COUNT)
+ZEROS = ["0"] * still().shape[1]
 
 
 @pytest.mark.parametrize(
@@ -53,8 +54,13 @@ def test_violations_of_the_format_are_refused_with_their_place(refused_at, lines
     assert refused_at(bvh, lines) == ("" if line is None else f"line {line}")
 
 
-ROWS = random_rows()
-WHOLE = "".join(f"{line}\n" for line in ["HIERARCHY", *hierarchy(BODY), *motion(ROWS)])
+WHOLE = "".join(f"{line}\n" for line in lines_of(random_rows()))
+
+
+@pytest.fixture
+def whole(read):
+    [clip] = read(bvh, WHOLE)
+    return clip
 
 
 @pytest.mark.parametrize(
@@ -72,13 +78,12 @@ WHOLE = "".join(f"{line}\n" for line in ["HIERARCHY", *hierarchy(BODY), *motion(
     ],
 )
 def test_names_keywords_and_spaces_of_other_programs_make_the_same_clip_without_a_note(
-    read, assert_same_frames, changes
+    read, whole, assert_same_frames, changes
 ):
     text = WHOLE
     for old, new in changes.items():
         assert old in text
         text = text.replace(old, new)
-    (whole,) = read(bvh, WHOLE)
     for other in (text, text.rstrip(), text + "\n \n\t\n"):
         assert bvh.matches(other.encode())
         (clip,) = read(bvh, other)
@@ -86,8 +91,7 @@ def test_names_keywords_and_spaces_of_other_programs_make_the_same_clip_without_
         assert clip.notes == whole.notes
 
 
-def test_a_wrong_frame_count_or_a_file_cut_off_is_noted_and_all_complete_frames_are_read(read, assert_same_frames):
-    (whole,) = read(bvh, WHOLE)
+def test_a_wrong_frame_count_or_a_cut_off_file_is_noted_and_complete_frames_are_read(read, whole, assert_same_frames):
     for stated in (0, 5, 7, 999_999_999):
         (clip,) = read(bvh, WHOLE.replace("Frames: 6", f"Frames: {stated}"))
         assert_same_frames(clip, whole)
@@ -105,15 +109,14 @@ def test_a_wrong_frame_count_or_a_file_cut_off_is_noted_and_all_complete_frames_
 
 
 def test_few_damaged_lines_of_motion_are_omitted_and_the_others_keep_their_time(read):
-    rows = random_rows(40, 7)
-    lines = ["HIERARCHY", *hierarchy(BODY), *motion(rows)]
+    lines = lines_of(random_rows(40, 7))
     (whole,) = read(bvh, lines)
     lines[-30] = lines[-30].rsplit(" ", 1)[0]
     lines[-10] += " 0.5"
     (clip,) = read(bvh, lines)
     kept = np.delete(np.arange(40), [10, 30])
-    np.testing.assert_array_equal(clip.times, whole.times[kept])
-    np.testing.assert_array_equal(clip.positions, whole.positions[kept])
+    assert_array_equal(clip.times, whole.times[kept])
+    assert_array_equal(clip.positions, whole.positions[kept])
     (note,) = set(clip.notes) - set(whole.notes)
     assert "2 of 40 frames" in note
 
@@ -127,21 +130,20 @@ def test_text_after_the_last_frame_is_skipped_with_a_note(read, assert_same_fram
 
 
 @pytest.mark.parametrize("stated", ["0", "0.0", "-0.1", "1e9"])
-def test_a_recording_without_a_frame_time_has_the_configured_rate(read, stated):
-    (whole,), (given,) = read(bvh, WHOLE), read(bvh, WHOLE, fps=50.0)
+def test_a_recording_without_a_frame_time_has_the_configured_rate(read, whole, stated):
+    (given,) = read(bvh, WHOLE, fps=50.0)
     text = WHOLE.replace("Frame Time: 0.04", f"Frame Time: {stated}")
     for clip, rate in ((given, 50), *((read(bvh, text, fps=fps)[0], fps or 30) for fps in (50.0, None))):
-        np.testing.assert_allclose(clip.times, np.arange(6) / rate, rtol=0, atol=1e-12)
-        np.testing.assert_array_equal(clip.positions, whole.positions)
+        assert_allclose(clip.times, np.arange(6) / rate, rtol=0, atol=1e-12)
+        assert_array_equal(clip.positions, whole.positions)
         assert len(clip.notes) == len(whole.notes) + 1
 
 
 def test_a_frame_time_in_milliseconds_a_missing_header_and_channels_before_the_offset_are_read(
-    read, assert_same_frames
+    read, whole, assert_same_frames
 ):
-    (whole,) = read(bvh, WHOLE)
     (clip,) = read(bvh, WHOLE.replace("Frame Time: 0.04", "Frame Time: 40"))
-    np.testing.assert_allclose(clip.times, whole.times)
+    assert_allclose(clip.times, whole.times)
     (clip,) = read(bvh, WHOLE.replace("Frames: 6\nFrame Time: 0.04\n", ""), fps=25)
     assert_same_frames(clip, whole)
     lines = WHOLE.splitlines()
@@ -154,7 +156,7 @@ def test_a_frame_time_in_milliseconds_a_missing_header_and_channels_before_the_o
 def test_a_hierarchy_without_motion_is_its_rest_pose(read):
     (rest,), (still,) = read(bvh, GOOD[: MOTION - 1]), read(bvh, GOOD)
     assert rest.times.tolist() == [0.0]
-    np.testing.assert_allclose(rest.positions[0], still.positions[0], atol=1e-12)
+    assert_allclose(rest.positions[0], still.positions[0], atol=1e-12)
 
 
 def test_more_places_than_memory_should_hold_are_refused(refused_at, monkeypatch):

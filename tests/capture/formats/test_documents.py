@@ -2,38 +2,25 @@
 
 import re
 
-import numpy as np
 import pytest
 
-from capture.formats import landmarks_json, read_log
-from capture.formats._documents import is_document, load
+from capture.formats import landmarks_json
+from capture.formats._documents import load
 from capture.skeleton import JOINT_INDEX, JOINTS, PARENTS
 from puppetline.errors import SkeletonLogError
 
-from .test_positions import person
-
-XML = """<?xml version="1.0"?>
-<session rate="30"><frame at="0.5"><joint name="head">1 2</joint><joint name="hip"><x>-1e-3</x></joint><empty/></frame>
-<frame at="0.6">text</frame></session>"""
-
-POSES = person(5)
+from .people import PERSON, assert_reads
 
 
-def content(tmp_path, text):
-    path = tmp_path / "take"
-    path.write_text(text)
-    assert is_document(text.encode())
-    return load(path)
+@pytest.fixture
+def loaded(tmp_path):
+    """Write text and load it as a document."""
 
+    def written(text):
+        (tmp_path / "take").write_text(text)
+        return load(tmp_path / "take")
 
-def test_elements_are_dictionaries_of_attributes_and_children(tmp_path):
-    frames = [{"at": 0.5, "joint": [{"name": "head"}, {"name": "hip", "x": -0.001}], "empty": ""}, {"at": 0.6}]
-    assert content(tmp_path, XML) == {"session": {"rate": 30.0, "frame": frames}}
-
-
-def test_lists_of_pairs_are_dictionaries(tmp_path):
-    found = content(tmp_path, '0 12.5 async ((a (1 2.5 -3)) (b ((c "two words") (d e))))\n1 (x y)\n')
-    assert found == [{"time": 12.5, "a": [1.0, 2.5, -3.0], "b": {"c": "two words", "d": "e"}}, [1.0, ["x", "y"]]]
+    return written
 
 
 @pytest.mark.parametrize(
@@ -42,19 +29,17 @@ def test_lists_of_pairs_are_dictionaries(tmp_path):
         ("<a><b></a>", "XML that cannot be read (mismatched tag"),
         ('<!DOCTYPE a [<!ENTITY b "b">]><a>&b;</a>', "a document type"),
         ("<a>" * 300, "more than 200 levels"),
-        ("(a (b c)", None),
         ("((a (b c)))) d", "brackets that do not match"),
         ("(a " * 300 + ")" * 300, "brackets that do not match, or are too deep"),
     ],
 )
-def test_damaged_documents_are_errors(tmp_path, text, found):
-    path = tmp_path / "take"
-    path.write_text(text)
-    if found is None:  # a line that ends early has what is whole
-        assert load(path) == [[]]
-        return
+def test_damaged_documents_are_errors(loaded, text, found):
     with pytest.raises(SkeletonLogError, match=re.escape(found)):
-        load(path)
+        loaded(text)
+
+
+def test_a_line_that_ends_early_has_what_is_whole(loaded):
+    assert loaded("(a (b c)") == [[]]
 
 
 def nested(joint, pose):
@@ -64,40 +49,29 @@ def nested(joint, pose):
     return f"((child ({children})) (position ({place})) (status updated) (tag {joint}))"
 
 
+def each(form, pose):
+    """Return a form of the name and the place of each joint."""
+    return "".join(form.format(name, *point) for name, point in zip(JOINTS, pose.tolist(), strict=True))
+
+
 FORMS = {
-    "elements with attributes": lambda k, pose: (
-        f'<frame time="{k / 25}">'
-        + "".join(
-            f'<Joint Type="{name}" X="{x!r}" Y="{y!r}" Z="{z!r}"/>'
-            for name, (x, y, z) in zip(JOINTS, pose.tolist(), strict=True)
-        )
-        + "</frame>"
-    ),
-    "elements named like joints": lambda k, pose: (
-        f"<Skeleton><time>{k / 25}</time>"
-        + "".join(
-            f"<{name}><angles><Qx>1</Qx></angles><positions><x>{x!r}</x><y>{y!r}</y><z>{z!r}</z></positions></{name}>"
-            for name, (x, y, z) in zip(JOINTS, pose.tolist(), strict=True)
-        )
-        + "</Skeleton>"
-    ),
-    "lists": lambda k, pose: f"{k} {k / 25} async ((skeleton ({nested('hip_center', pose)})) (tag one))",
+    "elements with attributes": lambda time, pose: f'<frame time="{time}">{each(ATTRIBUTES, pose)}</frame>',
+    "elements named like joints": lambda time, pose: f"<Skeleton><time>{time}</time>{each(ELEMENTS, pose)}</Skeleton>",
+    "lists": lambda time, pose: f"{time} {time} async ((skeleton ({nested('hip_center', pose)})) (tag one))",
 }
+ATTRIBUTES = '<Joint Type="{}" X="{!r}" Y="{!r}" Z="{!r}"/>'
+ELEMENTS = "<{0}><angles><Qx>1</Qx></angles><positions><x>{1!r}</x><y>{2!r}</y><z>{3!r}</z></positions></{0}>"
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_joints_are_found_at_any_depth(tmp_path, form):
-    text = "\n".join(FORMS[form](k, pose) for k, pose in enumerate(POSES)) + "\n"
-    path = tmp_path / "take"
-    path.write_text(text if form == "lists" else f"<recording>{text}</recording>")
-    assert landmarks_json.matches(path.read_bytes())
-    [clip] = read_log(path)
-    np.testing.assert_allclose(clip.positions, POSES, atol=1e-12)
-    np.testing.assert_allclose(np.diff(clip.times), 1 / 25)
+def test_joints_are_found_at_any_depth(read, form):
+    text = "\n".join(FORMS[form](k / 25, pose) for k, pose in enumerate(PERSON)) + "\n"
+    text = text if form == "lists" else f'<?xml version="1.0"?>\n<recording>{text}</recording>'
+    assert landmarks_json.matches(text.encode())
+    [clip] = read(landmarks_json, text)
+    assert_reads(clip, step=1 / 25, atol=1e-12)
 
 
-def test_xml_without_positions_is_named(tmp_path):
-    path = tmp_path / "take"
-    path.write_text('<markers><marker name="elbow" colour="red"/></markers>')
+def test_xml_without_positions_is_named(read):
     with pytest.raises(SkeletonLogError, match="found XML with the keys markers, without positions in space"):
-        read_log(path)
+        read(landmarks_json, '<markers><marker name="elbow" colour="red"/></markers>')

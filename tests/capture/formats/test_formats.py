@@ -3,11 +3,11 @@ import pytest
 
 from capture.formats import read_log, recognize
 from capture.formats.options import ReadOptions
-from capture.skeleton import JOINTS, MAX_DISTANCE_METRES, SkeletonFrame
+from capture.skeleton import JOINTS, MAX_DISTANCE_METRES
 from puppetline.errors import SkeletonLogError
 
-from ...recordings import record
-from .test_positions import person
+from ...recordings import record, tracked_frame
+from .people import PERSON, assert_reads
 
 FORMAT_OF_FOLDER = {
     "bvh": "bvh",
@@ -25,9 +25,8 @@ FORMAT_OF_FOLDER = {
 }
 
 
-def recorded(path, positions):
-    ones = np.ones(20, np.float32)
-    return record(path, [SkeletonFrame(index / 30, 1, pose, ones) for index, pose in enumerate(positions)])
+def recorded(path, poses):
+    return record(path, [tracked_frame(index / 30, pose) for index, pose in enumerate(poses)])
 
 
 def test_a_log_is_found_by_content_and_a_position_out_of_range_refused_with_its_place(tmp_path):
@@ -44,15 +43,15 @@ def test_a_log_is_found_by_content_and_a_position_out_of_range_refused_with_its_
 
 
 def test_a_table_whose_columns_only_the_user_can_name_is_read(tmp_path):
-    poses, path, columns = person(), tmp_path / "take.csv", tmp_path / "columns.toml"
-    names = [[f"m{joint}{axis}" for axis in "abc"] for joint in range(len(JOINTS))]
+    path, columns = tmp_path / "take.csv", tmp_path / "columns.toml"
+    names = [[f"m{joint}{axis}" for axis in "abc"] for joint in range(20)]
     header = ",".join(name for own in names for name in own)
-    np.savetxt(path, poses.reshape(len(poses), -1), delimiter=",", header=header, comments="")
+    np.savetxt(path, PERSON.reshape(len(PERSON), -1), delimiter=",", header=header, comments="")
     columns.write_text("\n".join(f"{joint} = {own}" for joint, own in zip(JOINTS, names, strict=True)))
     with pytest.raises(SkeletonLogError):
         read_log(path)
     (clip,) = read_log(path, ReadOptions(columns=columns))
-    np.testing.assert_allclose(clip.positions, poses, atol=1e-12)
+    assert_reads(clip, atol=1e-12)
 
 
 def test_each_real_file_is_recognised(real_data):

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from capture.formats import mvnx, read_log
 from capture.formats.options import ReadOptions
@@ -40,12 +41,12 @@ def write(path, frames=4, labels=True, before=""):
 
 @pytest.mark.parametrize("labels", [True, False])
 def test_segments_become_joints_with_y_up(tmp_path, labels):
-    (clip,) = read_log(write(tmp_path / "a.mvnx", labels=labels), ReadOptions())
-    np.testing.assert_allclose(clip.times, [0, 0.01, 0.02, 0.03])
-    np.testing.assert_allclose(clip.positions[:, 0], [[0, 0, 2.5 - 0.01 * k] for k in range(4)], atol=1e-9)
+    (clip,) = read_log(write(tmp_path / "a.mvnx", labels=labels))
+    assert_allclose(clip.times, [0, 0.01, 0.02, 0.03])
+    assert_allclose(clip.positions[:, 0], [[0, 0, 2.5 - 0.01 * k] for k in range(4)], atol=1e-9)
     for joint, segment in (("knee_left", "LeftLowerLeg"), ("wrist_right", "RightHand"), ("foot_left", "LeftToe")):
         x, y, z = np.subtract(PLACES[segment], PLACES["Pelvis"])
-        np.testing.assert_allclose(clip.positions[0, JOINT_INDEX[joint]], [-y, z, 2.5 - x], atol=1e-9)
+        assert_allclose(clip.positions[0, JOINT_INDEX[joint]], [-y, z, 2.5 - x], atol=1e-9)
     assert clip.positions[0, JOINT_INDEX["head"], 1] > 1.56 - 0.95
 
 

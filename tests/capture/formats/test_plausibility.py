@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy
+from numpy.testing import assert_array_equal
 
 from capture.formats import read_log
 from capture.formats.clips import build_clip
@@ -15,7 +16,8 @@ from capture.skeleton import JOINT_INDEX, JOINTS, PARENTS
 from puppetline.errors import SkeletonLogError
 
 from ...recordings import record
-from .test_positions import person
+from ..bodies import both
+from .people import person
 
 PATH = Path("take")
 
@@ -25,9 +27,8 @@ def clip_of(poses):
 
 
 def with_sides_of_legs_swapped(poses):
-    legs = [f"{joint}_{{}}" for joint in ("hip", "knee", "ankle", "foot")]
-    left, right = ([JOINT_INDEX[joint.format(side)] for joint in legs] for side in ("left", "right"))
-    poses[:, left + right] = poses[:, right + left]
+    legs = np.reshape(both("hip", "knee", "ankle", "foot"), (4, 2))
+    poses[:, legs] = poses[:, legs[:, ::-1]]
     return poses
 
 
@@ -37,16 +38,13 @@ def with_head_below(poses):
 
 
 def with_broken_knees(poses):
-    for side in ("left", "right"):
-        poses[:, JOINT_INDEX[f"knee_{side}"], 2] += 0.3
+    poses[:, both("knee"), 2] += 0.3
     return poses
 
 
 def with_thighs_back(poses):
-    for side in ("left", "right"):
-        hip, knee, ankle = (JOINT_INDEX[f"{joint}_{side}"] for joint in ("hip", "knee", "ankle"))
-        poses[:, knee] = poses[:, hip] + [0, 0, 0.48]
-        poses[:, ankle] = poses[:, knee] + [0, -0.38, 0]
+    poses[:, both("knee")] = poses[:, both("hip")] + [0, 0, 0.48]
+    poses[:, both("ankle")] = poses[:, both("knee")] + [0, -0.38, 0]
     return poses
 
 
@@ -70,7 +68,7 @@ def test_a_contorted_body_is_refused_and_has_a_note_if_only_some_frames_have_it(
     assert thing in error.value.found
     some = np.concatenate([person(6), contort(person(4))])
     (clip,) = checked(PATH, [clip_of(some)])
-    np.testing.assert_array_equal(clip.positions, some)
+    assert_array_equal(clip.positions, some)
     assert clip.notes[0] == "one"
     assert thing.replace("100", "40") in clip.notes[1]
     few = np.concatenate([person(9), contort(person(1))])
@@ -88,8 +86,7 @@ def test_another_person_of_the_recording_may_be_contorted():
 def test_a_stretched_body_that_leans_as_nobody_stands_has_a_note(degrees, axis):
     poses = turned(person(5), degrees, axis)
     (clip,) = checked(PATH, [clip_of(poses)])
-    ankles = (poses[0, JOINT_INDEX["ankle_left"]] + poses[0, JOINT_INDEX["ankle_right"]]) / 2
-    body = poses[0, JOINT_INDEX["head"]] - ankles
+    body = poses[0, JOINT_INDEX["head"]] - poses[0, both("ankle")].mean(axis=0)
     lean = np.degrees(np.arccos(body[1] / np.linalg.norm(body)))
     (note,) = clip.notes[1:]
     assert f"leans {lean:.0f}° from upright" in note
@@ -105,9 +102,7 @@ def test_frames_of_different_people_and_bones_of_other_length_have_a_note():
         "Bones change their length by 20 % from frame to frame. The tracking failed, or they are different people.",
     )
     poses = person(5)
-    for side in ("left", "right"):
-        hand, wrist = JOINT_INDEX[f"hand_{side}"], JOINT_INDEX[f"wrist_{side}"]
-        poses[:, [wrist, hand]] += 3 * (poses[:, [wrist]] - poses[:, [JOINT_INDEX[f"elbow_{side}"]]])
+    poses[:, both("wrist", "hand")] += 3 * np.tile(poses[:, both("wrist")] - poses[:, both("elbow")], (1, 2, 1))
     (clip,) = checked(PATH, [clip_of(poses)])
     assert clip.notes[1:] == (
         "The proportions are not those of a person: elbow_left to wrist_left 4 times a person's, "
@@ -122,7 +117,7 @@ def test_files_are_checked_but_not_own_takes_whose_joints_are_no_guess(tmp_path)
     with pytest.raises(SkeletonLogError, match="shoulders face away"):
         read_log(tmp_path / "take.csv")
     (clip,) = read_log(record(tmp_path / "take.log", list(clip_of(poses).frames())))
-    np.testing.assert_array_equal(clip.positions, poses)
+    assert_array_equal(clip.positions, poses)
 
 
 def test_bones_that_become_longer_and_shorter_have_a_note():

@@ -38,11 +38,11 @@ def clips_of(path):
     return read(path, ReadOptions())
 
 
-def error_of(path):
-    """Return the error of a take, and the place in it that the error names."""
+def place_of(path):
+    """Return the place in a take that its error names."""
     with pytest.raises(SkeletonLogError) as caught:
         clips_of(path)
-    return caught.value, caught.value.where.removeprefix(str(path)).removeprefix(", ")
+    return caught.value.where.removeprefix(str(path)).removeprefix(", ")
 
 
 def test_a_take_of_any_version_is_recognised_by_its_first_line():
@@ -82,40 +82,39 @@ def test_times_of_a_performer_that_do_not_increase_are_skipped_with_a_note(log):
 
 
 @pytest.mark.parametrize(
-    ("other", "field", "found"),
+    ("other", "field"),
     [
-        ({"t": "1"}, "t", "1"),
-        ({"t": True}, "t", "True"),
-        ({"t": 10**400}, "t", "1" + 56 * "0" + "…"),
-        ({"t": float("nan")}, "t", "nan"),
-        ({"user": 1.5}, "user", "1.5"),
-        ({"user": None}, "user", "nothing"),
-        ({"p": {}}, "p", "{}"),
-        ({"p": [None] * 19}, "p", "a list of 19"),
-        ({"c": [1.0] * 21}, "c", "a list of 21"),
-        ({"c": [1.0] * 19 + [1.01]}, "c[19]", "1.01"),
-        ({"c": [-0.5] + [1.0] * 19}, "c[0]", "-0.5"),
-        ({"c": [None] * 20}, "c[0]", "nothing"),
-        ({"c": [1.0, 0.0] + [1.0] * 18}, "p[1]", "[0.5, 1.0, 2.0]"),
-        ({"c": [1e-60] + [1.0] * 19}, "p[0]", "[0.5, 1.0, 2.0]"),  # which is 0 in single precision
-        ({"p": [None] * 20}, "p[0]", "nothing"),
-        ({"p": [[1.0, 2.0]] * 20}, "p[0]", "[1.0, 2.0]"),
-        ({"p": [[1.0, 2.0, "3"]] * 20}, "p[0]", "[1.0, 2.0, '3']"),
-        ({"p": [[1.0, 2.0, float("inf")]] * 20}, "p[0]", "[1.0, 2.0, inf]"),
-        ({"o": [[1.0, 0.0, 0.0]] * 20}, "o[0]", "[1.0, 0.0, 0.0]"),
-        ({"channels": [0.5]}, "channels", "[0.5]"),
-        ({"channels": {"voice": 1.5}}, "channels", "{'voice': 1.5}"),
-        ({"lost": "1"}, "lost", "1"),
-        ({"lost": True}, "lost", "True"),
-        ({"do": 5, "arguments": {}}, "do", "5"),
-        ({"do": "mirror"}, "arguments", "nothing"),
-        ({"do": "mirror", "arguments": []}, "arguments", "[]"),
+        ({"t": "1"}, "t"),
+        ({"t": True}, "t"),
+        ({"t": 10**400}, "t"),
+        ({"t": float("nan")}, "t"),
+        ({"user": 1.5}, "user"),
+        ({"user": None}, "user"),
+        ({"p": {}}, "p"),
+        ({"p": [None] * 19}, "p"),
+        ({"c": [1.0] * 21}, "c"),
+        ({"c": [1.0] * 19 + [1.01]}, "c[19]"),
+        ({"c": [-0.5] + [1.0] * 19}, "c[0]"),
+        ({"c": [None] * 20}, "c[0]"),
+        ({"c": [1.0, 0.0] + [1.0] * 18}, "p[1]"),
+        ({"c": [1e-60] + [1.0] * 19}, "p[0]"),  # which is 0 in single precision
+        ({"p": [None] * 20}, "p[0]"),
+        ({"p": [[1.0, 2.0]] * 20}, "p[0]"),
+        ({"p": [[1.0, 2.0, "3"]] * 20}, "p[0]"),
+        ({"p": [[1.0, 2.0, float("inf")]] * 20}, "p[0]"),
+        ({"o": [[1.0, 0.0, 0.0]] * 20}, "o[0]"),
+        ({"channels": [0.5]}, "channels"),
+        ({"channels": {"voice": 1.5}}, "channels"),
+        ({"lost": "1"}, "lost"),
+        ({"lost": True}, "lost"),
+        ({"do": 5, "arguments": {}}, "do"),
+        ({"do": "mirror"}, "arguments"),
+        ({"do": "mirror", "arguments": []}, "arguments"),
     ],
 )
-def test_a_complete_line_that_is_wrong_is_an_error_with_line_and_field(log, other, field, found):
+def test_a_complete_line_that_is_wrong_is_an_error_with_line_and_field(log, other, field):
     path = log(HEADER, line(0.0), line(**other))
-    error, where = error_of(path)
-    assert (where, error.found) == (f"line 3, {field}", found)
+    assert place_of(path) == f"line 3, {field}"
     with pytest.raises(SkeletonLogError):
         list(events(path))
 
@@ -138,11 +137,11 @@ def test_a_complete_line_that_is_wrong_is_an_error_with_line_and_field(log, othe
     ],
 )
 def test_other_damage_is_an_error_with_its_place(log, content, where):
-    assert error_of(log(content))[1] == where
+    assert place_of(log(content)) == where
 
 
 def test_a_missing_file_is_an_error_with_its_path(tmp_path):
-    assert error_of(tmp_path / "none")[1] == ""
+    assert place_of(tmp_path / "none") == ""
 
 
 def test_a_clip_has_only_frames_and_the_events_have_everything(log):

@@ -4,11 +4,12 @@ import json
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from capture.formats import arrays, landmarks_json, smpl, table
 
-from .test_arrays import saved
+from .test_arrays import npy, npz
 
 COUNT = 30
 
@@ -31,29 +32,26 @@ TURNS = Rotation.from_rotvec(POSES.reshape(-1, 3)).as_matrix().reshape(COUNT, 24
 
 
 def lines(rows, header=""):
-    text = "\n".join(",".join(f"{value:g}" if value == int(value) else f"{value:.6f}" for value in row) for row in rows)
+    text = "\n".join(",".join(f"{value:g}" for value in row) for row in rows)
     return f"{header}\n{text}\n".lstrip().encode()
 
 
-def named(*columns):
-    return ",".join(columns)
-
-
-POSE_NAMES = [f"pose_{index}" for index in range(72)]
+POSE_NAMES = ",".join(f"pose_{index}" for index in range(72))
+NUMBERED = np.hstack([np.arange(COUNT)[:, None], FLAT])
 
 
 @pytest.mark.parametrize(
     ("reader", "content", "way"),
     [
-        (arrays, saved(np.save, FLAT), STILL),
-        (arrays, saved(np.save, POSES), STILL),
-        (arrays, saved(np.save, np.hstack([WAY, FLAT])), WAY),
+        (arrays, npy(FLAT), STILL),
+        (arrays, npy(POSES), STILL),
+        (arrays, npy(np.hstack([WAY, FLAT])), WAY),
         (table, lines(FLAT), STILL),
         (table, lines(np.hstack([FLAT, WAY])), WAY),
         (table, lines(np.hstack([WAY, FLAT])), WAY),
-        (table, lines(np.hstack([np.arange(COUNT)[:, None], FLAT])), STILL),
-        (table, lines(FLAT, named(*POSE_NAMES)), STILL),
-        (table, lines(np.hstack([np.arange(COUNT)[:, None], FLAT]), named("frame", *POSE_NAMES)), STILL),
+        (table, lines(NUMBERED), STILL),
+        (table, lines(FLAT, POSE_NAMES), STILL),
+        (table, lines(NUMBERED, f"frame,{POSE_NAMES}"), STILL),
         (landmarks_json, {"poses": FLAT, "trans": WAY}, WAY),
         (landmarks_json, {"result": {"smpl_params": {"global_orient": FLAT[:, :3], "body_pose": FLAT[:, 3:]}}}, STILL),
         (landmarks_json, {"1": {"pose": FLAT, "trans": WAY, "frame_ids": np.arange(COUNT)}}, WAY),
@@ -62,7 +60,7 @@ POSE_NAMES = [f"pose_{index}" for index in range(72)]
             [{"global_orient": a[:3], "body_pose": a[3:], "transl": b} for a, b in zip(FLAT, WAY, strict=True)],
             WAY,
         ),
-        (arrays, saved(np.savez, global_orient=TURNS[:, :1], body_pose=TURNS[:, 1:], transl=WAY), WAY),
+        (arrays, npz(global_orient=TURNS[:, :1], body_pose=TURNS[:, 1:], transl=WAY), WAY),
         (
             landmarks_json,
             {"results": [{"smpl": {"global_orient": a[:1], "body_pose": a[1:]}, "camera": [1, 2]} for a in TURNS]},
@@ -76,8 +74,8 @@ def test_parameters_are_those_of_named_arrays(read, reader, content, way):
         content = json.dumps(content, default=lambda array: array.tolist()).encode()
     assert reader.matches(content)
     [clip] = read(reader, content)
-    [same] = read(arrays, saved(np.savez, poses=FLAT, trans=way))
-    np.testing.assert_allclose(clip.positions, same.positions, atol=1e-5)
+    [same] = read(arrays, npz(poses=FLAT, trans=way))
+    assert_allclose(clip.positions, same.positions, atol=1e-5)
     assert "Parameters of the SMPL body; the bones have the lengths of a typical person." in clip.notes
 
 
@@ -85,8 +83,8 @@ def test_people_of_a_document_are_performers(read):
     people = [{"id": 3, "poses": FLAT.tolist(), "trans": WAY.tolist()}, {"id": 5, "poses": FLAT[::-1].tolist()}]
     clips = read(landmarks_json, json.dumps(people).encode())
     assert [clip.user for clip in clips] == [0, 1]
-    [same] = read(arrays, saved(np.savez, poses=FLAT[::-1]))
-    np.testing.assert_allclose(clips[1].positions, same.positions, atol=1e-9)
+    [same] = read(arrays, npz(poses=FLAT[::-1]))
+    assert_allclose(clips[1].positions, same.positions, atol=1e-9)
 
 
 @pytest.mark.parametrize("floor", [0.0, 1.0, -2.5])

@@ -3,14 +3,14 @@ from itertools import cycle, product
 
 import numpy as np
 import pytest
-from puppetline.examples.performances import PERFORMANCES, clean
+from numpy.testing import assert_allclose
 
-from capture.clip import SkeletonClip
 from capture.fusion.alignment import align
 from capture.skeleton import mirrored
 from puppetline.errors import SkeletonLogError
+from puppetline.examples.performances import PERFORMANCES, clean
 
-from .virtual_sensors import BEHIND, BESIDE, HERE, KUNG_FU, TURN, WALK, VirtualSensor
+from .virtual_sensors import BEHIND, BESIDE, HERE, KUNG_FU, TURN, WALK, VirtualSensor, part
 
 NOISY = list(product((WALK, KUNG_FU, TURN), (BESIDE, BEHIND), (1, 2)))
 
@@ -20,8 +20,8 @@ NOISY = list(product((WALK, KUNG_FU, TURN), (BESIDE, BEHIND), (1, 2)))
 def test_without_noise_pose_and_clock_are_exact(name, pose):
     clip = clean(name)
     found = align(VirtualSensor(HERE).record(clip), VirtualSensor(pose, 1.7).record(clip), "two")
-    np.testing.assert_allclose(found.pose.rotation, pose.rotation, atol=1e-9)
-    np.testing.assert_allclose(found.pose.position, pose.position, atol=1e-9)
+    assert_allclose(found.pose.rotation, pose.rotation, atol=1e-9)
+    assert_allclose(found.pose.position, pose.position, atol=1e-9)
     assert found.clock == pytest.approx(1.7, abs=1e-9)
     assert found.residual < 1e-9
     assert found.swapped > 0.98 if pose is BEHIND else found.swapped < 0.1
@@ -54,7 +54,6 @@ def plank():
 
 
 STILL = replace(WALK, positions=np.repeat(WALK.positions[:1], len(WALK.times), axis=0))
-SHORT = SkeletonClip("", 1, *(part[60:130] for part in (WALK.times, WALK.positions, WALK.confidence)))
 
 
 @pytest.mark.slow
@@ -64,7 +63,7 @@ SHORT = SkeletonClip("", 1, *(part[60:130] for part in (WALK.times, WALK.positio
         (WALK, KUNG_FU, "cm between the joints"),
         (WALK, replace(WALK, positions=mirrored(WALK.positions) * [1, 1.5, 1]), "cm between the joints"),
         (WALK, STILL, "little in common (correlation 0.00)"),
-        (WALK, SHORT, "less than 3 s in which both sensors saw the performer"),
+        (WALK, part(WALK, 60, 130), "less than 3 s in which both sensors saw the performer"),
         (plank(), VirtualSensor(HERE, swaps=False, seed=3).record(plank()), "two opposite poses"),
     ],
 )

@@ -5,8 +5,9 @@ from capture.fusion.fused_file import load, write
 from capture.fusion.source import FusedSource, Member
 from capture.sensor_pose import SensorPose
 from capture.sources.registry import open_source
-from puppetline.errors import SkeletonLogError, SourceError
+from puppetline.errors import SkeletonLogError
 
+from ..conftest import refused
 from .virtual_sensors import HERE
 
 FIRST = '[[sensor]]\nsource = "osc:0"\n'
@@ -47,15 +48,11 @@ def test_a_file_opens_its_sensors_and_the_first_needs_no_pose(tmp_path, until_en
 )
 def test_errors_in_the_file_are_reported_with_their_place(tmp_path, text, place):
     (tmp_path / "two.toml").write_text(text)
-    with pytest.raises(SourceError) as caught:
-        open_source("fused:two.toml", tmp_path)
-    assert place in caught.value.where
+    assert place in refused(open_source, "fused:two.toml", tmp_path).where
 
 
 def test_a_missing_file_or_recording_is_reported(tmp_path):
-    with pytest.raises(SourceError) as caught:
-        open_source("fused:none.toml", tmp_path)
-    assert "none.toml" in caught.value.where
+    assert "none.toml" in refused(open_source, "fused:none.toml", tmp_path).where
     (tmp_path / "two.toml").write_text((FIRST + SECOND).replace("osc:0", "replay:none.log"))
     with pytest.raises(SkeletonLogError):
         open_source("fused:two.toml", tmp_path)

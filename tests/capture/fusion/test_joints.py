@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from capture.fusion.joints import DECAY_SECONDS, MAX_AGE_SECONDS, Observation, fuse, is_swapped
 from capture.skeleton import JOINT_INDEX, OPPOSITE, SkeletonFrame
@@ -29,7 +30,7 @@ def observation(time, x=0.0, speed=0.0, confidence=1.0):
 )
 def test_observations_are_averaged_by_confidence_and_age(observations, expected):
     positions, confidence = fuse([observation(*each) for each in observations], 1.0)
-    np.testing.assert_allclose(positions, expected)
+    assert_allclose(positions, expected)
     assert (confidence == 1).all()
 
 
@@ -42,11 +43,11 @@ def test_velocities_are_of_joints_known_twice_within_a_short_time_and_not_too_fa
     sure[HAND] = 0
     before = Observation.after(None, frame(1.0, 0.0, sure))
     known = np.arange(20)[:, None] != HAND
-    np.testing.assert_allclose(Observation.after(before, frame(1.1, 0.5)).velocities, np.where(known, [5.0] * 3, 0))
+    assert_allclose(Observation.after(before, frame(1.1, 0.5)).velocities, np.where(known, [5.0] * 3, 0))
     assert not Observation.after(before, frame(1.0 + 2 * MAX_AGE_SECONDS, 1.0)).velocities.any()
     places[HAND, 0], places[0, 0] = 0.34, 0.32  # in a thirtieth of a second: 10.2 and 9.6 m/s
     velocities = Observation.after(Observation.after(None, frame(1.0, 0.0)), frame(1 + 1 / 30, places)).velocities
-    np.testing.assert_allclose(velocities[:, 0], np.where(np.arange(20) == 0, 9.6, 0))
+    assert_allclose(velocities[:, 0], np.where(np.arange(20) == 0, 9.6, 0))
 
 
 def fused_hand(*hands, before=None):
@@ -58,7 +59,7 @@ def fused_hand(*hands, before=None):
         seen.positions[HAND, 0], seen.confidence[HAND] = x, confidence
     *observations, last = observations
     positions, confidence = fuse(observations, 1.0, None if before is None else last.positions)
-    np.testing.assert_array_equal(np.delete(positions, HAND, axis=0), 0)
+    assert_array_equal(np.delete(positions, HAND, axis=0), 0)
     assert (np.delete(confidence, HAND) == 1).all()
     return positions[HAND, 0], confidence[HAND]
 

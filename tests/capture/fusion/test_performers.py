@@ -4,6 +4,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from puppetline.examples.performances import PERFORMANCES, clean
 
 from capture.events import Lost
@@ -51,7 +52,7 @@ def fused(clip, *poses, seed=None, phase=0.013):
 @pytest.mark.parametrize("pose", [BESIDE, BEHIND])
 def test_without_noise_a_turn_is_exact_though_both_exchange_left_and_right(pose):
     times, found, true = fused(TURN, HERE, pose, phase=0)
-    np.testing.assert_array_equal(times, TURN.times[:-1])
+    assert_array_equal(times, TURN.times[:-1])
     assert np.abs(found - true).max() < 0.05  # the other one is a frame behind
     assert np.abs(found - true).mean() < 1e-3
 
@@ -61,7 +62,7 @@ def test_the_first_sensor_determines_the_times_and_the_next_one_replaces_it():
     times = np.array([frame.time for frame in frames])
     assert times[:30].tolist() == [k / 30 for k in range(30)]
     assert LEADER_TIMEOUT_SECONDS < times[30] - times[29] < LEADER_TIMEOUT_SECONDS + 1.1 / 30
-    np.testing.assert_allclose(np.diff(times[30:]), 1 / 30)
+    assert_allclose(np.diff(times[30:]), 1 / 30)
     assert {frame.user for frame in frames} == {1}
 
 
@@ -94,12 +95,12 @@ def test_the_sides_are_those_of_the_most_confident_sensor_and_then_of_the_frames
     )
     assert first.time == 0
     for frame in frames:
-        np.testing.assert_allclose(frame.positions, BODY)
+        assert_allclose(frame.positions, BODY)
     late = 3.0 + MAX_OBSERVATION_SECONDS
     *frames, later = together([*(body(k / 30, swapped=k >= 60) for k in range(90)), body(late, swapped=True)])
     for frame in frames:
-        np.testing.assert_allclose(frame.positions, BODY)
-    np.testing.assert_allclose(later.positions, BODY[OPPOSITE])
+        assert_allclose(frame.positions, BODY)
+    assert_allclose(later.positions, BODY[OPPOSITE])
 
 
 def exchanged_sides(clip, *poses, seed):

@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 
 from capture.fusion.walking import MAX_WALK_METRES, SPEED_PERIOD_SECONDS, WALKING_METRES_PER_SECOND, Walk
-from capture.skeleton import JOINT_INDEX, OPPOSITE, SkeletonFrame
+from capture.skeleton import JOINT_INDEX, OPPOSITE
 
+from ...recordings import tracked_frame
 from .virtual_sensors import WALK
 
 BODY = WALK.positions[0]
@@ -15,7 +16,7 @@ def walked(*velocities, seconds=1.0, body=BODY, pause=0.0):
     found, time, place = Walk(), 0.0, np.zeros(3)
     for velocity in velocities:
         for _ in range(round(30 * seconds)):
-            found.follow(SkeletonFrame(time, 1, body + place, np.ones(20, dtype=np.float32)))
+            found.follow(tracked_frame(time, body + place))
             time, place = time + 1 / 30, place + velocity / 30
         time += pause
     return found.forwards

@@ -3,13 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
-from puppetline.examples.performances import clean
 from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from capture.clip import SkeletonClip
 from capture.sensor_pose import SensorPose
 from capture.skeleton import INFERRED, JOINT_INDEX, OPPOSITE, TRACKED
+from puppetline.examples.performances import clean
 
 LEFT, RIGHT = JOINT_INDEX["shoulder_left"], JOINT_INDEX["shoulder_right"]
 HIP_LEFT, HIP_RIGHT = JOINT_INDEX["hip_left"], JOINT_INDEX["hip_right"]
@@ -77,6 +77,11 @@ class VirtualSensor:
             positions[back] = positions[back][:, OPPOSITE]
             confidence[back] = confidence[back][:, OPPOSITE]
         return SkeletonClip("virtual", clip.user, times + self.clock, positions, confidence)
+
+
+def part(clip, start, end):
+    """Return some frames of a clip."""
+    return SkeletonClip("", clip.user, *(each[start:end] for each in (clip.times, clip.positions, clip.confidence)))
 
 
 def truth(clip, times):

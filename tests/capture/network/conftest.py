@@ -10,7 +10,7 @@ from capture.network import source
 from capture.network.source import open_osc, open_vmc
 from capture.skeleton import JOINT_INDEX, SkeletonFrame
 
-from ..bodies import STANDING
+from ..bodies import STANDS
 from ..conftest import Watched
 
 
@@ -29,6 +29,19 @@ def message_of(line):
     """Write the message of a line: an address, type tags and arguments."""
     address, tags, *words = *line.split(), ""
     return message(address, tags, *(READ[tag](word) for tag, word in zip(tags, words, strict=False)))
+
+
+def osceleton(name, user, x, y, z):
+    return message("/joint", "sifff", name, user, x, y, z)
+
+
+def kinect_sdk(name, place, confidence=1.0, *, user=2, time=5.0, address="/joint"):
+    return message(address, "siiffffd", name, 0, user, *place, confidence, time)
+
+
+def known(frame):
+    """Return the place of each joint that is not lost."""
+    return {joint: frame.positions[index].tolist() for joint, index in JOINT_INDEX.items() if frame.confidence[index]}
 
 
 class Wire(Watched):
@@ -86,8 +99,7 @@ def rng():
 def walking(step):
     """Return joints (20, 3) in the sensor frame: from 3 m away towards the sensor and to the performer's right."""
     phase = step * 0.5
-    pose = np.array([STANDING[name] for name in JOINT_INDEX])
-    pose += [0.3 + 0.04 * step, -0.2 + 0.02 * np.sin(2 * phase), 3.0 - 0.07 * step]
+    pose = STANDS + np.array([0.3 + 0.04 * step, -0.2 + 0.02 * np.sin(2 * phase), 3.0 - 0.07 * step])
     for side, reach in (("left", 1.0), ("right", -1.0)):
         for joint, share in (("knee", 0.125), ("ankle", 0.25), ("foot", 0.25), ("elbow", -0.1), ("hand", -0.2)):
             pose[JOINT_INDEX[f"{joint}_{side}"], 2] += share * reach * np.sin(phase)

@@ -3,15 +3,14 @@ import pytest
 
 from capture.network.identities import Identities
 
-from ..bodies import STANDING
+from ..bodies import STANDS
 
-BODY = np.array(list(STANDING.values()))
 SEEN = np.ones(20, np.float32)
 
 
 def pose(person, frame):
     """Return a pose of one of several people who walk past each other, 1.5 m apart."""
-    return BODY + np.array([1.5 * person, 1, 3 + 0.02 * frame * (-1) ** person]), SEEN
+    return STANDS + np.array([1.5 * person, 1, 3 + 0.02 * frame * (-1) ** person]), SEEN
 
 
 def follow(numbers, frames=90, people=3, order=lambda _frame, people: people):

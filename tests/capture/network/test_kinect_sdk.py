@@ -3,15 +3,11 @@ from numpy.testing import assert_allclose
 
 from capture.skeleton import JOINT_INDEX
 
-from .conftest import TWENTY, WALK, message
-
-
-def _joint(name, place, confidence=1.0, *, user=2, time=5.0, address="/joint"):
-    return message(address, "siiffffd", name, 0, user, *place, confidence, time)
+from .conftest import TWENTY, WALK, kinect_sdk, known, message
 
 
 def _joints(pose, **options):
-    return [_joint(name, pose[JOINT_INDEX[ours]] * [1000, -1000, 1000], **options) for name, ours in TWENTY.items()]
+    return [kinect_sdk(name, pose[JOINT_INDEX[ours]] * [1000, -1000, 1000], **options) for name, ours in TWENTY.items()]
 
 
 @pytest.mark.parametrize("address", ["/joint", "/osceleton2/joint"])
@@ -27,12 +23,15 @@ def test_a_walk_of_single_datagrams_is_received(listen, address):
 
 def test_confidence_is_tracked_inferred_or_lost(listen):
     levels = {"head": 1.0, "neck": 0.5, "l_elbow": 0.1, "r_elbow": 7.0, "l_knee": -1.0}
-    frame = listen().frame(*(_joint(name, (100.0, 200.0, 1500.0), level) for name, level in levels.items()))
-    known = {name: frame.confidence[index] for name, index in JOINT_INDEX.items() if frame.confidence[index]}
-    assert known == {"head": 1.0, "shoulder_center": 0.5, "elbow_right": 1.0}
-    assert_allclose(frame.positions[JOINT_INDEX["head"]], [0.1, -0.2, 1.5], rtol=1e-15)
-    frame = listen("?units=cm").frame(_joint("head", (10.0, -20.0, 150.0)))
-    assert_allclose(frame.positions[JOINT_INDEX["head"]], [0.1, 0.2, 1.5], rtol=1e-15)
+    frame = listen().frame(*(kinect_sdk(name, (100.0, 200.0, 1500.0), level) for name, level in levels.items()))
+    assert {name: frame.confidence[JOINT_INDEX[name]] for name in known(frame)} == {
+        "head": 1.0,
+        "shoulder_center": 0.5,
+        "elbow_right": 1.0,
+    }
+    assert_allclose(known(frame)["head"], [0.1, -0.2, 1.5], rtol=1e-15)
+    frame = listen("?units=cm").frame(kinect_sdk("head", (10.0, -20.0, 150.0)))
+    assert_allclose(known(frame)["head"], [0.1, 0.2, 1.5], rtol=1e-15)
 
 
 def test_two_performers_in_each_others_datagrams_are_separated(listen):

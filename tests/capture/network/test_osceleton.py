@@ -6,7 +6,7 @@ from capture.events import Lost
 from capture.network.osc import bundle
 from capture.skeleton import JOINT_INDEX, mirrored
 
-from .conftest import FIFTEEN, WALK, assert_of_fifteen, message, message_of
+from .conftest import FIFTEEN, WALK, assert_of_fifteen, known, message, message_of, osceleton
 
 
 def _on_screen(millimetres):
@@ -41,15 +41,11 @@ def test_a_walk_is_received_and_without_depth_it_is_flat(listen, layout, scale, 
     assert not wire.source.counts.refused
 
 
-def _joint(name, user, x, y, z):
-    return message("/joint", "sifff", name, user, x, y, z)
-
-
 def test_joints_equal_values_by_hand(listen):
-    frame = listen().frame(bundle(_joint("head", 1, 0.375, 0.25, 1.5625), _joint("l_elbow", 1, 0.25, 0.5, 1.25)))
-    known = [JOINT_INDEX["head"], JOINT_INDEX["elbow_right"]]
-    assert np.flatnonzero(frame.confidence).tolist() == known
-    assert_allclose(frame.positions[known], [[-0.32, 0.48, 2.0], [-0.64, 0.0, 1.6]], atol=1e-15)
+    frame = listen().frame(bundle(osceleton("head", 1, 0.375, 0.25, 1.5625), osceleton("l_elbow", 1, 0.25, 0.5, 1.25)))
+    places = known(frame)
+    assert places.keys() == {"head", "elbow_right"}
+    assert_allclose([*places.values()], [[-0.32, 0.48, 2.0], [-0.64, 0.0, 1.6]], atol=1e-15)
     assert np.isnan(frame.positions[frame.confidence == 0]).all()
 
 
@@ -57,23 +53,24 @@ def test_joints_equal_values_by_hand(listen):
     ("options", "expected"), [("units=m", [0.5, 1.0, 2.0]), ("units=mm&flip=xz", [-0.0005, 0.001, -0.002])]
 )
 def test_units_can_be_configured_if_the_numbers_are_ambiguous(listen, options, expected):
-    frame = listen(f"?mirrored=0&{options}").frame(bundle(_joint("head", 1, 0.5, 1.0, 2.0)))
-    assert_allclose(frame.positions[JOINT_INDEX["head"]], expected, rtol=1e-15)
+    frame = listen(f"?mirrored=0&{options}").frame(bundle(osceleton("head", 1, 0.5, 1.0, 2.0)))
+    assert_allclose(known(frame)["head"], expected, rtol=1e-15)
 
 
 def test_orientations_centres_of_mass_and_unused_joints_are_ignored(listen):
     wire = listen()
-    joints = [_joint(name, 3, 0.5, 0.5, 1.0) for name in ("l_collar", "l_fingertip", "r_finger", "head")]
+    joints = [osceleton(name, 3, 0.5, 0.5, 1.0) for name in ("l_collar", "l_fingertip", "r_finger", "head")]
     turns = message("/orient", "si" + 9 * "f", "head", 3, *[0.0] * 9), message("/orient/head/3", 9 * "f", *[0.0] * 9)
     users = message("/new_user", "i", 3), message("/new_skel", "i", 3), message("/user/3", "fff", 0.5, 0.5, 1.0)
-    joints += [_joint("L_Collar", 3, 0.5, 0.5, 1.0).replace(b",s", b",S")]  # in any case, and a string of another type
+    # in any case, and a string of another type
+    joints.append(osceleton("L_Collar", 3, 0.5, 0.5, 1.0).replace(b",s", b",S"))
     frame = wire.frame(*users, bundle(*turns, *joints))
-    assert np.flatnonzero(frame.confidence).tolist() == [JOINT_INDEX["head"]]
+    assert known(frame).keys() == {"head"}
     assert not wire.source.counts.refused
 
 
 def test_a_lost_performer_is_reported_once_and_only_if_there_was_one(listen):
-    wire, head, gone = listen(), bundle(_joint("head", 3, 0.5, 0.5, 1.0)), message("/lost_user", "i", 3)
+    wire, head, gone = listen(), bundle(osceleton("head", 3, 0.5, 0.5, 1.0)), message("/lost_user", "i", 3)
     frame = wire.frame(head)
     [lost] = wire.events(message("/lost_user", "i", 4), gone, gone)
     assert (type(lost), lost.user) == (Lost, 3)
@@ -82,9 +79,9 @@ def test_a_lost_performer_is_reported_once_and_only_if_there_was_one(listen):
 
 def test_a_hand_alone_has_a_scale_of_its_own_and_no_number(listen):
     wire = listen("?mirrored=0")
-    hand = _joint("l_hand", 0, (480 - 96) / 960, (320 - 160) / 640, 0.78125)
+    hand = osceleton("l_hand", 0, (480 - 96) / 960, (320 - 160) / 640, 0.78125)
     frame = wire.frame(message("/new_user", ""), bundle(hand))
-    assert_allclose(frame.positions[JOINT_INDEX["hand_left"]], [0.096, 0.16, 1.0], atol=1e-7)
+    assert_allclose(known(frame)["hand_left"], [0.096, 0.16, 1.0], atol=1e-7)
     [lost] = wire.events(message("/lost_user", ""))
     assert lost.user == 0
 

@@ -7,11 +7,12 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from capture.sensors.camera import Camera, Options, Video, load_opencv, open_camera, open_video, parse
 from puppetline.errors import SourceError
 
-from ..conftest import Watched
+from ..conftest import Watched, refused
 
 RATE, COUNT, WIDTH, HEIGHT = 20, 8, 160, 120
 
@@ -63,22 +64,19 @@ def test_options_are_read(rest, options):
     ],
 )
 def test_wrong_options_are_errors_with_their_place(rest, field):
-    with pytest.raises(SourceError) as caught:
-        parse("camera:" + rest, rest)
-    assert caught.value.where.startswith("camera:")
-    assert field in caught.value.where
+    error = refused(parse, "camera:" + rest, rest)
+    assert error.where.startswith("camera:")
+    assert field in error.where
 
 
 def test_images_have_the_times_and_colours_of_the_video_and_then_it_ends(opened_video):
     video = opened_video()
     pictures = all_of(video)
-    np.testing.assert_allclose([picture.time for picture in pictures], np.arange(COUNT) / RATE, atol=1e-9)
+    assert_allclose([picture.time for picture in pictures], np.arange(COUNT) / RATE, atol=1e-9)
     for k, picture in enumerate(pictures):
         assert (picture.color.shape, picture.depth) == ((HEIGHT, WIDTH, 3), None)
-        np.testing.assert_allclose(picture.color.mean(axis=(0, 1)), (30 * k, 200, 10), atol=4)
-    with pytest.raises(SourceError) as caught:
-        video.read(1.0)
-    assert caught.value.found == "the end of the video"
+        assert_allclose(picture.color.mean(axis=(0, 1)), (30 * k, 200, 10), atol=4)
+    assert refused(video.read, 1.0).found == "the end of the video"
 
 
 def test_the_angle_between_the_images_corners_is_the_field_of_view(opened_video):
@@ -91,32 +89,26 @@ def test_the_angle_between_the_images_corners_is_the_field_of_view(opened_video)
 def test_the_time_of_a_looped_video_increases(opened_video):
     video = opened_video(loop=True)
     pictures = [video.read(1.0) for _ in range(3 * COUNT)]
-    np.testing.assert_allclose([picture.time for picture in pictures], np.arange(3 * COUNT) / RATE, atol=1e-9)
-    np.testing.assert_array_equal(pictures[3].color, pictures[3 + 2 * COUNT].color)
+    assert_allclose([picture.time for picture in pictures], np.arange(3 * COUNT) / RATE, atol=1e-9)
+    assert_array_equal(pictures[3].color, pictures[3 + 2 * COUNT].color)
 
 
 @pytest.mark.parametrize("content", [b"", b"no video at all" * 100, b"RIFF\xff\xff\xff\xffAVI LIST"])
 def test_a_file_without_images_is_an_error(opened_video, tmp_path, content):
     broken = tmp_path / "broken.avi"
     broken.write_bytes(content)
-    with pytest.raises(SourceError) as caught:
-        opened_video(broken)
-    assert f"{broken} ({len(content)} bytes)" in caught.value.found
+    assert f"{broken} ({len(content)} bytes)" in refused(opened_video, broken).found
 
 
 def test_a_missing_video_or_a_looped_camera_is_an_error_when_it_is_opened(camera, tmp_path):
-    with pytest.raises(SourceError):
-        open_video("video:none.mp4", "none.mp4", tmp_path)
-    with pytest.raises(SourceError):
-        open_camera("camera:0?loop", "0?loop")
+    refused(open_video, "video:none.mp4", "none.mp4", tmp_path)
+    refused(open_camera, "camera:0?loop", "0?loop")
 
 
 @pytest.mark.parametrize("module", ["cv2", "mediapipe.python.solutions.pose"])
 def test_a_missing_library_is_an_error_with_the_package(monkeypatch, module):
     monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(SourceError) as caught:
-        open_camera("camera:0", "0")
-    assert "pip install 'puppetline[camera]'" in caught.value.fix
+    assert "pip install 'puppetline[camera]'" in refused(open_camera, "camera:0", "0").fix
 
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="devices are files on Linux")
@@ -132,16 +124,12 @@ def test_missing_permission_is_an_error_with_the_devices_group(camera, tmp_path,
     device = tmp_path / "video0"
     device.touch()
     monkeypatch.setattr(os, "access", lambda path, mode: False)  # tests may run as root
-    with pytest.raises(SourceError) as caught:
-        Camera("camera:here", Options(str(device)))
-    assert f"usermod -aG {device.group()} " in caught.value.fix
+    assert f"usermod -aG {device.group()} " in refused(Camera, "camera:here", Options(str(device))).fix
 
 
 @linux
 def test_a_device_that_is_not_a_camera_is_an_error(camera):
-    with pytest.raises(SourceError) as caught:
-        Camera("camera:/dev/null", Options("/dev/null"))
-    assert "/dev/null" in caught.value.found
+    assert "/dev/null" in refused(Camera, "camera:/dev/null", Options("/dev/null")).found
 
 
 @linux
@@ -152,7 +140,6 @@ def test_a_camera_that_stops_is_an_error(video_file, monkeypatch):
     device = Camera("camera:clip", Options(str(video_file)))
     times = [device.read(1.0).time for _ in range(COUNT)]
     assert times == sorted(times)
-    with pytest.raises(SourceError):
-        device.read(1.0)
+    refused(device.read, 1.0)
     device.close()
     device.close()

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 
 from capture.sensors.clock import SPAN_SECONDS, DeviceClock
 
@@ -36,8 +37,8 @@ def test_images_have_their_arrival_times_until_the_clock_matched_for_two_spans()
     clock, now = DeviceClock(), arrivals()
     late = np.where(np.arange(len(now)) % 2, 0.25 * STEP, 0.0)
     found = moments(clock, now - START, now + late)
-    np.testing.assert_array_equal(found[:PROVED], (now + late)[:PROVED])
-    np.testing.assert_allclose(found[PROVED:], now[PROVED:], atol=1e-3)
+    assert_array_equal(found[:PROVED], (now + late)[:PROVED])
+    assert_allclose(found[PROVED:], now[PROVED:], atol=1e-3)
     assert (clock.trusted, clock.rate) == (True, None)
 
 
@@ -48,13 +49,13 @@ def test_a_slightly_slow_clock_makes_images_slightly_old_and_a_fast_one_does_not
     share, slow = 1 - math.exp(-STEP * rate / 2.0), max(0.0, 1 - rate)
     assert now[-1] - found[-1] == pytest.approx(STEP * slow * (1 - share) / share, rel=1e-6, abs=1e-9)
     assert (now - found).max() <= 2.5 * slow + 1e-9
-    np.testing.assert_allclose(np.diff(found)[-100:], STEP, rtol=1e-6)
+    assert_allclose(np.diff(found)[-100:], STEP, rtol=1e-6)
 
 
 @pytest.mark.parametrize("rate", [0.97, 1.03, 0.9, 1.1, 0.5, 1.5, 0.001, 1000.0, 0.0, -1.0])
 def test_a_clock_with_a_wrong_rate_is_not_used(rate):
     clock, now = DeviceClock(), arrivals()
-    np.testing.assert_array_equal(moments(clock, 5.0 + (now - START) * rate, now), now)
+    assert_array_equal(moments(clock, 5.0 + (now - START) * rate, now), now)
     assert not clock.trusted
     assert clock.rate == round(rate, 2)
 
@@ -67,7 +68,7 @@ def test_a_clock_is_used_except_while_its_rate_is_wrong(rate):
     for second, trusted in ((9, True), (16, False), (19, False), (29, True)):
         k = round(second / STEP)
         sure = slice(k, k + round(1 / STEP))
-        np.testing.assert_allclose(found[sure], now[sure], atol=0 if not trusted else 0.02)
+        assert_allclose(found[sure], now[sure], atol=0 if not trusted else 0.02)
     assert clock.trusted
 
 
@@ -91,7 +92,7 @@ def test_a_lasting_delay_becomes_the_normal_one():
 @pytest.mark.parametrize("device", [0.0, 1e9])
 def test_a_clock_that_is_reset_is_still_used(device):
     clock, now = proved(), START + 4.0 + np.arange(100) * STEP
-    np.testing.assert_allclose(moments(clock, device + now - START, now), now, atol=1e-6)
+    assert_allclose(moments(clock, device + now - START, now), now, atol=1e-6)
     assert clock.trusted
 
 

@@ -10,16 +10,17 @@ from pathlib import Path
 import numpy as np
 import psutil
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from capture.sensors import depth_camera, freenect, openni, openni_library, orbbec, realsense
-from capture.sensors.depth_camera import MAX_ALONE_COUNT, Selection, metres, upward
+from capture.sensors.depth_camera import MAX_ALONE_COUNT, Selection, metres, parse, upward
 from capture.sensors.openni import OpenNIDevice
 from capture.sensors.orbbec import OrbbecDevice
-from capture.sensors.realsense import RealSenseDevice
+from capture.sensors.realsense import SETTINGS, RealSenseDevice
 from capture.sources.registry import check_records
-from puppetline.errors import OutputError, SourceError
+from puppetline.errors import OutputError
 
-from ..conftest import read
+from ..conftest import read, refused
 
 
 class OpenNI:
@@ -106,11 +107,34 @@ def opened(bus, until_end):
 not_openni = pytest.mark.parametrize("bus", [RealSense, Orbbec], ids=lambda kind: kind.__name__, indirect=True)
 
 
-def refused(open_it):
-    """Return the error with which something is not opened."""
-    with pytest.raises(SourceError) as caught:
-        open_it()
-    return caught.value
+@pytest.mark.parametrize(
+    ("rest", "selection"),
+    [
+        ("", Selection()),
+        ("uri=1d27/0601@1/5", Selection("uri", "1d27/0601@1/5")),
+        ("file=a take.oni", Selection("file", "a take.oni")),
+        ("file=take.oni&fast?loop", Selection("file", "take.oni", fast=True, loop=True)),
+        ("?face&hands", Selection(face=True, hands=True)),
+        ("serial=A1?hands", Selection("serial", "A1", hands=True)),
+        ("file=take.oni?loop&face", Selection("file", "take.oni", loop=True, face=True)),
+        ("take.db3?loop", Selection("file", "take.db3", loop=True)),
+        ("serial=7&laser=150", Selection("serial", "7", settings={"laser": 150.0})),
+        ("?exposure=8000", Selection(settings={"exposure": 8000.0})),
+    ],
+)
+def test_a_uri_selects_a_sensor_or_a_recording(rest, selection):
+    assert parse(f"sensor:{rest}", rest, ("serial", "uri"), SETTINGS) == selection
+
+
+@pytest.mark.parametrize(
+    "rest", ["1", "file", "file=", "uri=", "serial=1&fast", "file=a&slow", "fast", "file=a?fast=1"]
+)
+def test_a_wrong_uri_is_an_error(rest):
+    assert refused(parse, f"sensor:{rest}", rest, ("serial", "uri")).found == repr(rest)
+
+
+def test_a_setting_is_a_number():
+    assert refused(parse, "sensor:?laser=much", "?laser=much", settings=SETTINGS).found == "'much'"
 
 
 def test_images_have_the_sensors_pixels_and_times(bus, opened, noise):
@@ -121,8 +145,8 @@ def test_images_have_the_sensors_pixels_and_times(bus, opened, noise):
         sensor.show(depth, color, 1.0 + k / 30)
         picture = read(device)
         assert (picture.depth.dtype, picture.color.dtype) == (np.float32, np.uint8)
-        np.testing.assert_allclose(picture.depth, depth, rtol=2e-7)
-        np.testing.assert_array_equal(picture.color, color)
+        assert_allclose(picture.depth, depth, rtol=2e-7)
+        assert_array_equal(picture.color, color)
         assert picture.time == pytest.approx(1.0 + k / 30, abs=2e-6)
     assert (picture.lens.width, picture.lens.height) == (640, 480)
     assert picture.lens.project(np.array([0.0, 0.0, 1.0])).tolist() in ([320.0, 240.0], [311.0, 251.0])
@@ -135,13 +159,13 @@ def test_a_sensor_is_chosen_by_serial_number_and_two_work_at_once(bus, opened, n
     for sensor, images in zip(sensors, shown, strict=True):
         sensor.show(*images, 1.0)
     for device, (_, color) in zip(devices, shown, strict=True):
-        np.testing.assert_array_equal(read(device).color, color)
+        assert_array_equal(read(device).color, color)
 
 
 def test_a_sensor_that_is_not_plugged_in_is_an_error_that_lists_those_that_are(bus):
-    assert refused(lambda: bus.open(Selection())).found == "no sensor"
+    assert refused(bus.open, Selection()).found == "no sensor"
     bus.plug()
-    error = refused(lambda: bus.open(Selection("serial", "9")))
+    error = refused(bus.open, Selection("serial", "9"))
     assert error.found.startswith("sensors ")
     assert error.expected == "a sensor with the serial 9"
 
@@ -153,7 +177,7 @@ def test_an_unplugged_sensor_is_an_error_and_works_again_when_it_is_plugged_in(b
             sensor.show(*noise(), taken)
             assert read(device).time == taken
             bus.unplug()
-            assert "unplugged" in refused(lambda device=device: read(device)).found
+            assert "unplugged" in refused(read, device).found
 
 
 @not_openni
@@ -191,9 +215,9 @@ def test_a_lost_image_of_one_kind_costs_its_counterpart_only(bus, opened, noise,
     pictures = [picture for picture in pictures if picture is not None]
     for picture, (depth, color, moment) in zip(pictures, (shown[k] for k in (0, 2, 4, 5)), strict=True):
         assert picture.time == pytest.approx(moment, abs=2e-6)
-        np.testing.assert_allclose(picture.depth, depth, rtol=2e-7)
-        np.testing.assert_array_equal(picture.color, color)
-    np.testing.assert_allclose(pictures[-1].up, [0, 1, 0], atol=1e-6)
+        assert_allclose(picture.depth, depth, rtol=2e-7)
+        assert_array_equal(picture.color, color)
+    assert_allclose(pictures[-1].up, [0, 1, 0], atol=1e-6)
 
 
 @not_openni
@@ -228,15 +252,15 @@ def test_a_recording_plays_the_recorded_images_and_ends_or_its_time_increases(bu
     device = opened("file", str(path))
     for depth, color in pictures:
         picture = read(device)
-        np.testing.assert_allclose(picture.depth, depth, rtol=2e-7)
-        np.testing.assert_array_equal(picture.color, color)
-    assert refused(lambda: read(device)).found == "the end of the recording"
+        assert_allclose(picture.depth, depth, rtol=2e-7)
+        assert_array_equal(picture.color, color)
+    assert refused(read, device).found == "the end of the recording"
     device, count = opened("file", str(path), loop=True), len(pictures)
     seen = [read(device) for _ in range(2 * count + 1)]
     spaces = [1 / 30 if k % count == 0 else step for k in range(1, len(seen))]
-    np.testing.assert_allclose(np.diff([picture.time for picture in seen]), spaces, atol=1e-5)
+    assert_allclose(np.diff([picture.time for picture in seen]), spaces, atol=1e-5)
     for k, picture in enumerate(seen):
-        np.testing.assert_allclose(picture.depth, pictures[k % count][0], rtol=2e-7)
+        assert_allclose(picture.depth, pictures[k % count][0], rtol=2e-7)
 
 
 @pytest.mark.parametrize("bus", [Orbbec], indirect=True)
@@ -249,7 +273,7 @@ def test_recordings_of_orbbec_have_their_names_when_they_are_complete(bus, opene
     assert [path.name for path in tmp_path.iterdir()] == ["take.bag"]
     with pytest.raises(OutputError):
         check_records("orbbec:", tmp_path / "take.db3")
-    refused(lambda: opened("file", "half.bag"))
+    refused(opened, "file", "half.bag")
 
 
 @pytest.mark.parametrize(
@@ -258,12 +282,12 @@ def test_recordings_of_orbbec_have_their_names_when_they_are_complete(bus, opene
 )
 def test_a_missing_library_is_an_error_with_the_command_that_installs_it(monkeypatch, module, library, package):
     monkeypatch.setitem(sys.modules, library, None)
-    assert f"pip install {package}" in refused(lambda: module.open_source("sensor:", "", Path())).fix
+    assert f"pip install {package}" in refused(module.open_source, "sensor:", "", Path()).fix
 
 
 def test_what_is_up_follows_from_the_acceleration_of_a_sensor_at_rest():
     tilted = 9.8 * np.array([0.0, -np.cos(0.3), -np.sin(0.3)])  # in the axes of an image: right, down and away
-    np.testing.assert_allclose(upward(tilted, np.eye(3)), [0, np.cos(0.3), -np.sin(0.3)])
+    assert_allclose(upward(tilted, np.eye(3)), [0, np.cos(0.3), -np.sin(0.3)])
     assert upward([0, -14.0, 0], np.eye(3)) is None
     assert metres(np.array([2500], np.uint16)).tolist() == [2.5]
 

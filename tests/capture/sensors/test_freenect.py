@@ -5,11 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from capture.sensors import freenect
 from capture.sensors.depth_camera import metres
 from capture.sensors.freenect import LENS, UDEV_RULES, FreenectDevice, open_source
 from puppetline.errors import SourceError
+
+from ..conftest import refused
 
 ROWS, COLUMNS = np.mgrid[:480, :640]
 
@@ -65,8 +68,8 @@ def color_of(number):
 
 def assert_shows(seen, *numbers):
     """Check that images of these numbers were read."""
-    np.testing.assert_array_equal(seen["depths"], list(map(depth_of, numbers)))
-    np.testing.assert_array_equal(seen["colors"], list(map(color_of, numbers)))
+    assert_array_equal(seen["depths"], list(map(depth_of, numbers)))
+    assert_array_equal(seen["colors"], list(map(color_of, numbers)))
 
 
 SIX_IMAGES = [each for n in range(6) for each in ((depth_of(n), n * FRAME), (color_of(n), n * FRAME))]
@@ -77,7 +80,7 @@ def test_depth_and_colour_arrive_unchanged_on_a_clock_that_does_not_overflow(rea
     images = [(show(n), start + n * FRAME + late) for n in range(5) for show, late in shows]
     process, seen = read(write_dump(images), 5)
     assert_shows(seen, *range(5))
-    np.testing.assert_allclose(np.diff(seen["times"]), FRAME / 60e6, atol=1e-9)
+    assert_allclose(np.diff(seen["times"]), FRAME / 60e6, atol=1e-9)
     assert seen["times"][0] == start / 60e6
     assert LENS.unproject(np.array([320.0, 240.0]), np.array(2.0)).tolist() == [0.0, 0.0, 2.0]
     assert "closed None None" in process.stdout
@@ -100,7 +103,7 @@ def test_depth_without_colour_of_the_same_time_is_skipped(read, write_dump):
     )
     _, seen = read(dump, 3)
     assert_shows(seen, 0, 2, 4)
-    np.testing.assert_allclose(seen["times"] * 60e6, [300, 2 * FRAME, 4 * FRAME + 200])
+    assert_allclose(seen["times"] * 60e6, [300, 2 * FRAME, 4 * FRAME + 200])
 
 
 @pytest.mark.parametrize(
@@ -138,7 +141,7 @@ def test_two_sensors_work_at_once_and_one_that_is_open_is_in_use(read, write_dum
     process, seen = read(dump := write_dump(images), 6, sensors=(0, 1))
     assert_shows(seen, *range(6))
     for first, clock in enumerate(clocks):
-        np.testing.assert_allclose(seen["times"][first::2] * 60e6, clock + FRAME * np.arange(3))
+        assert_allclose(seen["times"][first::2] * 60e6, clock + FRAME * np.arange(3))
     said = "closed None None None None\nshut down with 1 open\nshut down with 0 open\n"
     assert process.stdout + process.stderr == said
     for sensors, found in (((1, 1), "a Kinect that another program uses"), ((2,), "the number 2 for 2 Kinect v1")):
@@ -168,12 +171,9 @@ def test_the_udev_rule_in_the_error_is_that_of_the_package():
 def test_a_missing_library_is_an_error_with_the_package(monkeypatch):
     monkeypatch.setattr(freenect, "LIBRARIES", ("libnosuchthing.so.0.5",))
     monkeypatch.setattr(ctypes.util, "find_library", lambda _name: None)
-    with pytest.raises(SourceError) as caught:
-        open_source("freenect:", "", Path())
-    assert "apt install libfreenect0.5" in caught.value.fix
+    assert "apt install libfreenect0.5" in refused(open_source, "freenect:", "", Path()).fix
 
 
 @pytest.mark.parametrize("rest", ["x", "-1", "1?mirror", "100", "٣"])
 def test_a_wrong_number_is_an_error(rest):
-    with pytest.raises(SourceError):
-        open_source(f"freenect:{rest}", rest, Path())
+    refused(open_source, f"freenect:{rest}", rest, Path())

@@ -12,6 +12,8 @@ from capture.sensors.openni import OpenNIDevice, Selection
 from capture.sensors.openni_library import Sensor, list_sensors, load_openni2, sensor_uris, usb_device_file
 from puppetline.errors import SourceError
 
+from ..conftest import refused
+
 NAME = "openni:"
 
 
@@ -43,10 +45,9 @@ def test_missing_permission_is_an_error_with_the_udev_rules(sensor, monkeypatch)
     sensor.unplug()
     sensor.plug(refuses=["opening"])
     monkeypatch.setattr(module, "usb_device_file", lambda uri: Path("/dev/bus/usb/001/005"))
-    with pytest.raises(SourceError) as caught:
-        OpenNIDevice(NAME, Selection())
-    assert caught.value.found == "a sensor at /dev/bus/usb/001/005 that this user may not open"
-    assert "60-libopenni2-0.rules" in caught.value.fix
+    error = refused(OpenNIDevice, NAME, Selection())
+    assert error.found == "a sensor at /dev/bus/usb/001/005 that this user may not open"
+    assert "60-libopenni2-0.rules" in error.fix
 
 
 ALONE = """

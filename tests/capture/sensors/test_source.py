@@ -52,11 +52,9 @@ def halting(scripted_tracker):
     return Halting(scripted_tracker)
 
 
-def test_a_performer_in_an_image_is_a_frame_at_the_images_time(
-    watch, scripted_device, scripted_tracker, standing, caplog
-):
+def test_a_performer_in_an_image_is_a_frame_at_the_images_time(watch, scripted_device, standing, caplog):
     caplog.set_level(logging.INFO, "capture")
-    watched = watch(scripted_device, scripted_tracker)
+    watched = watch()
     scripted_device.show(5.0)
     [frame] = watched.events()
     assert (type(frame), frame.user, frame.time) == (SkeletonFrame, 1, standing.now())
@@ -66,10 +64,8 @@ def test_a_performer_in_an_image_is_a_frame_at_the_images_time(
     assert caplog.messages == ["test: tracking images of a scripted device with a scripted tracker"]
 
 
-def test_a_device_whose_clock_stands_still_works_and_is_logged_once(
-    watch, scripted_device, scripted_tracker, caplog, standing
-):
-    watched = watch(scripted_device, scripted_tracker)
+def test_a_device_whose_clock_stands_still_works_and_is_logged_once(watch, scripted_device, caplog, standing):
+    watched = watch()
     for _ in range(100):
         scripted_device.show(5.0)
         [frame] = watched.events()
@@ -81,7 +77,7 @@ def test_a_device_whose_clock_stands_still_works_and_is_logged_once(
 
 
 def test_performers_found_and_lost_are_events_in_order(watch, scripted_device, scripted_tracker):
-    watched = watch(scripted_device, scripted_tracker)
+    watched = watch()
     changes = [
         ((1, 2), [("SkeletonFrame", 1), ("SkeletonFrame", 2)]),
         ((2,), [("Lost", 1), ("SkeletonFrame", 2)]),
@@ -97,7 +93,7 @@ def test_performers_found_and_lost_are_events_in_order(watch, scripted_device, s
 def test_the_newest_image_is_tracked_and_the_others_count_as_dropped_and_every_frame_is_received(
     watch, scripted_device, scripted_tracker, halting
 ):
-    watched = watch(scripted_device, halting)
+    watched = watch(tracker=halting)
     scripted_device.show(0.0)
     assert halting.begun.acquire()
     scripted_device.show(0.001, 0.002, 0.003)
@@ -119,7 +115,7 @@ def dated(monkeypatch):
 def test_an_image_that_is_or_becomes_too_old_is_never_tracked(
     watch, scripted_device, scripted_tracker, halting, standing
 ):
-    watched, start = watch(scripted_device, halting), standing.now()
+    watched, start = watch(tracker=halting), standing.now()
     halting.go_on.release(2)
     scripted_device.show(start - 1.01 * MAX_AGE_SECONDS, start)
     assert watched.events()[0].time == start
@@ -140,7 +136,7 @@ def test_an_image_that_is_or_becomes_too_old_is_never_tracked(
 
 @pytest.mark.usefixtures("dated")
 def test_a_lost_performer_is_reported_however_late(watch, scripted_device, scripted_tracker, halting, standing):
-    watched = watch(scripted_device, halting)
+    watched = watch(tracker=halting)
     halting.go_on.release()
     scripted_device.show(standing.now())
     watched.events()
@@ -176,7 +172,7 @@ def test_ticks_wait_for_late_frames_on_a_slow_machine_which_is_logged_once(
     watch, scripted_device, scripted_tracker, caplog, standing
 ):
     slow = Slow(scripted_tracker, standing)
-    watched, events, shown = watch(scripted_device, slow), [], []
+    watched, events, shown = watch(tracker=slow), [], []
 
     def perform():
         """Show an image, and receive until its frame has come."""
@@ -207,9 +203,9 @@ def test_ticks_wait_for_late_frames_on_a_slow_machine_which_is_logged_once(
     assert said.startswith("test: tracking is too slow on this machine: performers are 0.15 s late")
 
 
-def test_ticks_fill_silence_and_no_event_is_before_another(watch, scripted_device, scripted_tracker, standing):
+def test_ticks_fill_silence_and_no_event_is_before_another(watch, scripted_device, standing):
     """Frames have the times of their images, which are earlier than ticks without a delay would be."""
-    watched = watch(scripted_device, scripted_tracker)
+    watched = watch()
     start, events = standing.now(), []
     for k in range(40):
         if k % 10 == 0:
@@ -231,7 +227,7 @@ def test_every_image_of_a_recording_is_tracked_at_its_own_time_and_one_without_p
     end = SourceError("take", found="the end", expected="more", fix="No.")
     times = [*(10.0 + 0.001 * k for k in range(50)), 1000.0]
     scripted_device.show(*times)
-    watched = watch(scripted_device, scripted_tracker, recorded=True, fast=True)
+    watched = watch(recorded=True, fast=True)
     frames = []
     for _ in times:
         assert watched.source.now() == (frames[-1].time if frames else 0.0)
@@ -247,12 +243,12 @@ def test_every_image_of_a_recording_is_tracked_at_its_own_time_and_one_without_p
     assert (watched.source.counts.received, watched.source.counts.dropped) == (53, 0)
 
 
-def test_a_depth_sensor_reports_its_tilt_when_the_floor_shows_it(watch, scripted_device, scripted_tracker, caplog):
+def test_a_depth_sensor_reports_its_tilt_when_the_floor_shows_it(watch, scripted_device, caplog):
     caplog.set_level(logging.INFO, "capture")
     depth = room(12, 0, 1.3)
     for k in range(8):
         scripted_device.pictures.put(Picture(0.25 * k, ROOM_LENS, None, depth))
-    *before, cue, after = watch(scripted_device, scripted_tracker, recorded=True, fast=True).events(7)
+    *before, cue, after = watch(recorded=True, fast=True).events(7)
     assert [frame.time for frame in before] == [0.0, 0.25, 0.5, 0.75, 1.0]
     assert (cue.time, cue.do, after.time) == (1.0, "level", 1.25)
     assert cue.arguments == pytest.approx({"tilt": 12, "roll": 0, "height": 1.3}, abs=0.1)
@@ -261,7 +257,7 @@ def test_a_depth_sensor_reports_its_tilt_when_the_floor_shows_it(watch, scripted
 
 def test_a_recording_plays_in_real_time(watch, scripted_device, scripted_tracker, standing):
     scripted_device.show(10.0, 10.1, 10.3)
-    watched = watch(scripted_device, scripted_tracker, recorded=True)
+    watched = watch(recorded=True)
     frames = []
     for step, count in ((0.0, 1), (0.11, 1), (0.18, 0), (0.02, 1)):
         standing.advance(step)
@@ -272,8 +268,8 @@ def test_a_recording_plays_in_real_time(watch, scripted_device, scripted_tracker
 
 
 @pytest.mark.parametrize("recorded", [False, True])
-def test_a_device_or_a_recording_that_stops_is_an_error(watch, scripted_device, scripted_tracker, standing, recorded):
-    watched = watch(scripted_device, scripted_tracker, recorded=recorded, fast=recorded)
+def test_a_device_or_a_recording_that_stops_is_an_error(watch, scripted_device, standing, recorded):
+    watched = watch(recorded=recorded, fast=recorded)
     scripted_device.show(0.0)
     watched.events()
     standing.advance(SILENCE_SECONDS)
@@ -281,8 +277,8 @@ def test_a_device_or_a_recording_that_stops_is_an_error(watch, scripted_device, 
 
 
 @pytest.mark.usefixtures("dated")
-def test_a_device_with_old_images_only_is_an_error(watch, scripted_device, scripted_tracker, standing):
-    watched = watch(scripted_device, scripted_tracker)
+def test_a_device_with_old_images_only_is_an_error(watch, scripted_device, standing):
+    watched = watch()
     scripted_device.show(standing.now())
     watched.events()
 
@@ -295,12 +291,10 @@ def test_a_device_with_old_images_only_is_an_error(watch, scripted_device, scrip
     assert watched.source.counts.dropped > 1
 
 
-def test_a_device_that_never_opens_is_an_error_and_does_not_delay_closing(
-    watch, scripted_tracker, monkeypatch, standing
-):
+def test_a_device_that_never_opens_is_an_error_and_does_not_delay_closing(watch, monkeypatch, standing):
     monkeypatch.setattr(module, "_CLOSING_SECONDS", 0.1)
     stuck = threading.Event()
-    watched = watch(stuck.wait, scripted_tracker)
+    watched = watch(stuck.wait)
     standing.advance(OPENING_SECONDS)
     assert "no first image" in watched.error().found
     watched.source.close()
@@ -317,7 +311,7 @@ def test_a_tracker_may_take_any_time_to_open(watch, scripted_device, scripted_tr
         assert ready.wait(60)
         return scripted_tracker
 
-    watched = watch(scripted_device, open_tracker, recorded=recorded)
+    watched = watch(tracker=open_tracker, recorded=recorded)
     assert begun.wait(60)
     standing.advance(10 * OPENING_SECONDS)
     assert all(isinstance(event, Tick) for event in watched.source.receive())
@@ -332,14 +326,14 @@ def test_an_error_while_opening_is_raised_and_an_open_device_is_closed(watch, sc
     def refuse(*_):
         raise refusal
 
-    assert watch(refuse, scripted_tracker).error() is refusal
-    assert watch(scripted_device, refuse).error() is refusal
+    assert watch(refuse).error() is refusal
+    assert watch(tracker=refuse).error() is refusal
     assert (scripted_device.closed, scripted_tracker.closed) == (1, 0)
 
 
 @pytest.mark.parametrize("culprit", ["device", "tracker"])
 def test_any_exception_of_a_driver_is_an_error_that_names_it(watch, scripted_device, scripted_tracker, culprit):
-    watched = watch(scripted_device, scripted_tracker)
+    watched = watch()
     scripted_device.show(0.0)
     watched.events()
     if culprit == "device":
@@ -360,7 +354,7 @@ def test_closing_closes_the_tracker_then_the_device_once_and_the_next_source_use
     scripted_device.close = lambda: order.append("device")
     scripted_tracker.close = lambda: order.append("tracker")
     for _ in range(5):
-        watched = watch(scripted_device, scripted_tracker)
+        watched = watch()
         scripted_device.show(0.0)
         watched.events()
         threads = {thread.name: thread for thread in threading.enumerate()}

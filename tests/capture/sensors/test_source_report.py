@@ -66,8 +66,8 @@ def test_a_performer_without_new_frames_has_left(wire):
 
 
 @pytest.mark.usefixtures("standing")
-def test_the_last_image_of_a_sensor_is_kept_with_its_performers(watch, scripted_device, scripted_tracker):
-    monitor = SourceMonitor(watch(scripted_device, scripted_tracker).source)
+def test_the_last_image_of_a_sensor_is_kept_with_its_performers(watch, scripted_device):
+    monitor = SourceMonitor(watch().source)
     for moment in (0.0, 0.1):
         scripted_device.show(moment, color=np.full((3, 4, 3), 5, np.uint8))
         until(monitor, lambda report, moment=moment: report.picture and report.picture.time == moment)
@@ -138,30 +138,21 @@ def test_silence_is_counted_from_the_last_data(wire):
     assert problems(report) == ["No packet received for 0 s."]
 
 
-def test_a_sensor_that_fails_is_opened_again_until_an_image_arrives(watch, scripted_device, scripted_tracker, standing):
-    answers = iter([scripted_device, NO_KINECT, scripted_device])
-
-    def opened():
-        answer = next(answers)
-        if answer is NO_KINECT:
-            raise NO_KINECT
-        return watch(answer, scripted_tracker).source
-
-    monitor = SourceMonitor(source := ReopeningSource("freenect:", opened), STATUS_SECONDS)
+def test_a_failure_of_a_sensor_is_reported_until_an_image_arrives(watch, scripted_device, scripted_tracker, standing):
+    source = ReopeningSource("freenect:", lambda: watch().source)
+    monitor = SourceMonitor(source, STATUS_SECONDS)
     scripted_device.show(0.0)
     assert until(monitor, lambda report: report.performers).picture is not None
     standing.advance(0.01)
-    gone = SourceError("freenect:", found="no Kinect any more", expected="one", fix="Plug it in.")
-    scripted_device.pictures.put(gone)
+    scripted_device.pictures.put(NO_KINECT)
     report = until(monitor, lambda report: report.failure)
     assert (report.performers, report.picture, monitor.ended) == ({}, None, False)
-    assert diagnose(report)[0] == Problem(str(gone), "The source is opened again twice per second.")
-    for _ in range(2):
-        assert not isinstance(source.inner, SensorSource)
+    assert diagnose(report)[0] == Problem(str(NO_KINECT), "The source is opened again twice per second.")
+    for _ in range(2):  # until what happened before is forgotten
         standing.advance(RETRY_SECONDS)
         monitor.receive(math.inf)
-        assert monitor.report().failure == str(NO_KINECT)  # also when it is open, but no image has arrived
     assert isinstance(source.inner, SensorSource)
+    assert monitor.report().failure == str(NO_KINECT)  # it is open, but no image has arrived
     scripted_tracker.users = ()
     scripted_device.show(1.0)
     report = until(monitor, lambda report: report.picture and not report.failure)

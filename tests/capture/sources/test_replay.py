@@ -5,37 +5,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from capture.clip import SkeletonClip
 from capture.events import TICK_SECONDS, Cue, Lost, Tick
 from capture.formats import read_log
 from capture.recording import HEADER, as_recorded, encode
-from capture.skeleton import LOST, MAX_DISTANCE_METRES, SkeletonFrame
+from capture.skeleton import MAX_DISTANCE_METRES
 from capture.sources.replay import MAX_EVENTS, MAX_LATENESS_SECONDS, MAX_SILENCE_SECONDS, RecordingSource
 from puppetline.clock import use
 from puppetline.errors import SkeletonLogError, SourceError
 
 from ...clock import GivenClock
-from ...recordings import key, record
-from ..bodies import STANDING
-
-BODY = np.array(list(STANDING.values()))
-
-
-def make_frame(moment, user=1):
-    rng = np.random.default_rng(abs(int(moment * 1000)) + user)
-    confidence = rng.choice([1.0, 0.5, LOST], size=20).astype(np.float32)
-    positions = np.where(confidence[:, None] == LOST, np.nan, rng.normal(size=(20, 3)))
-    return SkeletonFrame(moment, user, positions, confidence)
-
-
-def make_clip(times, user=1):
-    frames = [make_frame(moment, user) for moment in times]
-    arrays = (np.array([getattr(frame, what) for frame in frames]) for what in ("time", "positions", "confidence"))
-    return SkeletonClip("made", user, *arrays)
+from ...recordings import key, keys, random_clip, random_frame, record, tracked_frame
+from ..conftest import refused
+from ..formats.bvh_files import body_file, still
 
 
 def of_clip(*times, **options):
-    return RecordingSource.of_clips("demo:x", [make_clip(times)], **options)
+    return RecordingSource.of_clips("demo:x", [random_clip(times)], **options)
 
 
 @pytest.fixture
@@ -64,21 +49,16 @@ def times(source, given_clock, most=10_000):
     return [event.time for event in events(source, given_clock, most)]
 
 
-def keys(events):
-    """Return values that are equal for equal events, of frames as they are recorded."""
-    return [key(as_recorded(event) if isinstance(event, SkeletonFrame) else event) for event in events]
-
-
 def performance():
     """Return some seconds of a stage: all kinds of events, a gap of 1 s without ticks, several events at a time."""
     yield Cue(100, "stage", {"characters": {"dog": {"since": 1 / 3, "user": None}}})
     for k in range(60):
-        yield make_frame(100 + k / 30, user=1 + k % 2)
+        yield random_frame(100 + k / 30, user=1 + k % 2)
         if k % 10 == 7:
             yield Cue(100 + k / 30, "mirror", {"character": {"name": "dog", "at": k / 7}})
     yield Lost(102.0, 2)
     yield Tick(102.033)
-    yield make_frame(103.1)
+    yield random_frame(103.1)
 
 
 def test_a_stages_take_yields_exactly_the_recorded_events_each_at_its_time(of_events, given_clock):
@@ -116,9 +96,7 @@ def test_the_end_is_an_error_on_every_call(given_clock):
     source = of_clip(0.0)
     assert len(source.receive()) == 1
     for _ in range(2):
-        with pytest.raises(SourceError) as caught:
-            source.receive()
-        assert caught.value.found == "the end of the recording"
+        assert refused(source.receive).found == "the end of the recording"
         assert source.due() == given_clock.now()
 
 
@@ -140,14 +118,14 @@ def test_in_a_loop_the_first_pass_is_exact_and_times_increase(of_events, given_c
 
 
 def test_several_performers_play_together(given_clock):
-    clips = [make_clip([0.0, 0.05, 0.1], user=4), make_clip([0.02, 0.05], user=7)]
+    clips = [random_clip([0.0, 0.05, 0.1], user=4), random_clip([0.02, 0.05], user=7)]
     came = events(RecordingSource.of_clips("demo:x", clips), given_clock)
     expected = sorted((frame for clip in clips for frame in clip.frames()), key=lambda frame: (frame.time, frame.user))
-    assert [key(event) for event in came] == [key(frame) for frame in expected]
+    assert list(map(key, came)) == list(map(key, expected))
 
 
 def test_ticks_fill_the_gaps_of_a_recording(of_events, given_clock):
-    clip = make_clip([1.0, 1.05, 2.0, 2.09])
+    clip = random_clip([1.0, 1.05, 2.0, 2.09])
     ticks = [Tick(1.05 + k * TICK_SECONDS) for k in range(1, 29)]
     for source in (RecordingSource.of_clips("demo:x", [clip]), of_events(clip.frames())):
         came = events(source, given_clock)
@@ -156,7 +134,7 @@ def test_ticks_fill_the_gaps_of_a_recording(of_events, given_clock):
 
 
 def test_a_take_of_an_earlier_version_is_played_and_logged_once(tmp_path, given_clock, caplog):
-    frames = [as_recorded(make_frame(k / 30)) for k in range(3)]
+    frames = [as_recorded(random_frame(k / 30)) for k in range(3)]
     old = b'{"beginning": {"version": 3, "roles": []}}\n'
     (tmp_path / "take").write_bytes(HEADER + old + b"".join(map(encode, frames)))
     came = events(RecordingSource.of_file("r", tmp_path / "take", loop=True), given_clock, 9)
@@ -165,50 +143,46 @@ def test_a_take_of_an_earlier_version_is_played_and_logged_once(tmp_path, given_
 
 
 def test_a_foreign_log_plays_as_it_reads(tmp_path, given_clock):
-    columns = ["frame", *(f"{joint}_{axis}" for joint in STANDING for axis in "xyz")]
-    rows = [(frame, *np.add(BODY, [0.01 * frame, 1.0, 2.5]).ravel()) for frame in (1, 2, 3, 4, 30)]
-    log = tmp_path / "table.csv"
-    log.write_text("\n".join(",".join(map(str, row)) for row in (columns, *rows)) + "\n")
-    (clip,) = read_log(log)
-    came = events(RecordingSource.of_file("replay:log", log), given_clock)
-    assert [key(e) for e in came if isinstance(e, SkeletonFrame)] == [key(frame) for frame in clip.frames()]
-    assert sum(isinstance(event, Tick) for event in came) == 25
+    (clip,) = read_log(body_file(tmp_path, still(9)))
+    came = events(RecordingSource.of_file("replay:log", tmp_path / "take.bvh"), given_clock)
+    assert list(map(key, came)) == list(map(key, clip.frames()))
 
 
 def test_events_that_go_back_in_time_are_skipped(of_events, given_clock, tmp_path):
     """The recording was continued after a restart of the machine, whose clock restarted."""
-    back = make_frame(50.05), make_frame(0.5), Tick(0.6)
-    source = of_events([make_frame(50.0), make_frame(50.05), *back, make_frame(50.05, user=2), make_frame(50.1)])
+    back = random_frame(50.05), random_frame(0.5), Tick(0.6)
+    source = of_events(
+        [random_frame(50.0), random_frame(50.05), *back, random_frame(50.05, user=2), random_frame(50.1)]
+    )
     came = [(event.time, event.user) for event in events(source, given_clock)]
     assert came == [(50.0, 1), (50.05, 1), (50.05, 2), (50.1, 1)]
     assert source.counts.refused == {"goes back in time": 3}
     assert [list(clip.times) for clip in read_log(tmp_path / "take")] == [[50.0, 50.05, 50.1], [50.05]]
 
 
-FAR = SkeletonFrame(0.02, 1, np.full((20, 3), 2 * MAX_DISTANCE_METRES), np.ones(20, np.float32))
+FAR = tracked_frame(0.02, np.full((20, 3), 2 * MAX_DISTANCE_METRES))
 
 
 @pytest.mark.parametrize(
-    "line", [b'{"t": 1, "tick"}\n', encode(make_frame(0.02)).replace(b'"p": [[', b'"p": [[9e9, 1, 1], ['), encode(FAR)]
+    "line",
+    [b'{"t": 1, "tick"}\n', encode(random_frame(0.02)).replace(b'"p": [[', b'"p": [[9e9, 1, 1], ['), encode(FAR)],
 )
 def test_an_invalid_line_or_a_position_out_of_range_ends_the_recording_there(tmp_path, given_clock, line):
     path = tmp_path / "take"
-    path.write_bytes(HEADER + encode(make_frame(0.0)) + encode(make_frame(0.01)) + line + encode(make_frame(0.03)))
+    path.write_bytes(
+        HEADER + encode(random_frame(0.0)) + encode(random_frame(0.01)) + line + encode(random_frame(0.03))
+    )
     source = RecordingSource.of_file("r", path)
     assert times(source, given_clock) == [0.0, 0.01]
-    with pytest.raises(SourceError) as caught:
-        source.receive()
-    assert caught.value.found != "the end of the recording"
+    assert refused(source.receive).found != "the end of the recording"
 
 
 def test_a_recording_without_events_or_of_no_format_is_refused_immediately(tmp_path):
     (tmp_path / "empty").write_bytes(HEADER)
     (tmp_path / "other").write_bytes(b"something else")
-    with pytest.raises(SourceError):
-        RecordingSource.of_file("r", tmp_path / "empty")
+    refused(RecordingSource.of_file, "r", tmp_path / "empty")
     for loop in (False, True):
-        with pytest.raises(SourceError):
-            RecordingSource.of_clips("r", [], loop)
+        refused(RecordingSource.of_clips, "r", [], loop)
     for name in ("other", "none"):
         with pytest.raises(SkeletonLogError):
             RecordingSource.of_file("r", tmp_path / name)
@@ -220,8 +194,7 @@ def test_many_events_at_one_time_are_returned_in_portions_and_closing_ends_the_r
     assert [len(source.receive()) for _ in range(2)] == [MAX_EVENTS, MAX_EVENTS]
     for _ in range(2):
         source.close()
-    with pytest.raises(SourceError):
-        source.receive()
+    refused(source.receive)
 
 
 @given(

@@ -1,75 +1,48 @@
 import wave
+from collections import Counter
 from itertools import islice
 
 import numpy as np
 import pytest
 from puppetline.examples.performances import clean
 
-from capture.clip import SkeletonClip
 from capture.events import Cue, Lost, Tick
 from capture.formats.puppetline_log import events
-from capture.fusion.source import FusedSource, Member
-from capture.recording import as_recorded
-from capture.sensor_pose import SensorPose
 from capture.skeleton import SkeletonFrame
-from capture.sound import SAMPLE_RATE, Block
 from capture.sound_input import SoundInput
-from capture.source import Counts
 from capture.sources.replay import RecordingSource
 from capture.sources.take import RecordSummary, record
 from puppetline import clock
 from puppetline.errors import OutputError, SourceError
 
-from ...recordings import key
+from ...recordings import key, keys, random_clip, tracked_frame
+from ..conftest import ScriptedSource
+from ..test_sound import Card, blocks
 
 pytestmark = pytest.mark.usefixtures("given_clock")
-
-
-def make_clip(times, user=1):
-    positions = np.random.default_rng(user).normal(size=(len(times), 20, 3))
-    return SkeletonClip("made", user, np.array(times), positions, np.ones((len(times), 20), np.float32))
 
 
 END = SourceError("openni:", found="an unplugged sensor", expected="a sensor", fix="Plug it in.")
 
 
-class Scripted:
-    """A live source that returns a script's events one by one, or raises its exception; nothing at the end."""
-
-    name, recorded = "openni:", False
-
-    def __init__(self, *script):
-        self.script, self.counts = list(script), Counts(dropped=3)
-        self.counts.refused["short"] = 2
-
-    def fileno(self):
-        return None
-
-    def now(self):
-        return clock.now()
-
-    def due(self):
-        return self.now() if self.script else float("inf")
-
-    def receive(self):
-        events = [self.script.pop(0)] if self.script else []
-        if END in events:
-            raise END
-        return events
+def live(*events, **options):
+    """Return a live source that returns events one by one, or raises errors."""
+    script = (event if event is END else [event] for event in events)
+    return ScriptedSource(*script, name="openni:", dropped=3, refused=Counter(short=2), **options)
 
 
 def frame(time, user=1):
-    return SkeletonFrame(time, user, np.zeros((20, 3)), np.ones(20, np.float32))
+    return tracked_frame(time, np.zeros((20, 3)), user)
 
 
 def test_a_source_is_recorded_until_it_ends(tmp_path):
-    clips = [make_clip([10.0, 10.01, 10.3]), make_clip([10.02], user=7)]
+    clips = [random_clip([10.0, 10.01, 10.3]), random_clip([10.02], user=7)]
     reports = []
     path = tmp_path / "evening.take"
     summary = record(RecordingSource.of_clips("demo:x", clips), path, report=lambda *report: reports.append(report))
     came = list(events(path))
     frames = sorted((frame for clip in clips for frame in clip.frames()), key=lambda frame: frame.time)
-    assert [key(e) for e in came if isinstance(e, SkeletonFrame)] == [key(as_recorded(frame)) for frame in frames]
+    assert [key(e) for e in came if isinstance(e, SkeletonFrame)] == keys(frames)
     assert [type(e) for e in came if not isinstance(e, SkeletonFrame)] == [Tick] * 8
     assert summary == RecordSummary(
         take=str(path),
@@ -84,16 +57,9 @@ def test_a_source_is_recorded_until_it_ends(tmp_path):
     assert reports[-1][0] == 4
 
 
-def test_a_recording_replays_the_same_events_and_records_again_to_the_same_bytes(tmp_path):
-    first, second = tmp_path / "first.take", tmp_path / "second.take"
-    record(RecordingSource.of_clips("demo:x", [make_clip(np.arange(12) / 60)]), first)
-    record(RecordingSource.of_file("replay:first", first), second)
-    assert second.read_bytes() == first.read_bytes()
-
-
 @pytest.mark.parametrize("given", [[frame(1.0), frame(1.1, 4), Lost(1.2, 1), frame(1.3, 4)], []])
 def test_all_events_of_a_live_source_are_recorded_as_they_arrive(tmp_path, given):
-    summary = record(Scripted(*given), tmp_path / "take", seconds=0.2)
+    summary = record(live(*given), tmp_path / "take", seconds=0.2)
     expected = (3, (1, 4), 1.3 - 1.0) if given else (0, (), 0.0)
     assert (summary.frames, summary.users, summary.seconds) == expected
     assert (summary.ended, summary.dropped, summary.refused) == ("time", 3, {"short": 2})
@@ -104,32 +70,20 @@ def test_all_events_of_a_live_source_are_recorded_as_they_arrive(tmp_path, given
 @pytest.mark.parametrize("recorded", [False, True])
 def test_the_error_of_a_source_is_reported_and_earlier_events_are_kept(tmp_path, came, recorded):
     path = tmp_path / "take"
-    source = Scripted(*came, END)
-    source.recorded = recorded
+    source = live(*came, END, recorded=recorded)
     summary = record(source, path)
     assert (summary.ended, summary.why) == ("source", str(END))
     assert path.exists() == (Lost(1.0, 1) in came)
     assert not path.exists() or list(events(path)) == came
 
 
-def test_the_end_of_fused_recordings_is_no_error(tmp_path):
-    members = [Member(name, SensorPose(np.eye(3), np.zeros(3))) for name in ("one", "other")]
-    times = [0.0, 0.05, 0.1]
-    source = FusedSource(
-        "fused:", members, lambda name: RecordingSource.of_clips(name, [make_clip(times)], False), True
-    )
-    summary = record(source, tmp_path / "take")
-    assert (summary.ended, summary.why) == ("source", "")
-    assert summary.frames > 0
-
-
 def test_a_take_and_a_sound_that_are_there_are_replaced_only_by_force(tmp_path):
-    source = Scripted(frame(0.0, 5))
+    source = live(frame(0.0, 5))
     path = tmp_path / "take.log"
     for there in (path.with_suffix(".wav"), path):
         there.write_text("dear to me")
         with pytest.raises(OutputError):
-            record(source, path, seconds=0, sound=SoundInput(lambda: Singer(0.0)))
+            record(source, path, seconds=0, sound=SoundInput(lambda: Card([])))
         assert [each.read_text() for each in tmp_path.iterdir()] == ["dear to me"]
         there.unlink()
     path.write_text("dear to me")
@@ -138,7 +92,7 @@ def test_a_take_and_a_sound_that_are_there_are_replaced_only_by_force(tmp_path):
 
 
 def test_an_unwritable_path_is_refused_before_any_event_is_received(tmp_path):
-    source = Scripted(frame(0.0))
+    source = live(frame(0.0))
     with pytest.raises(OutputError):
         record(source, tmp_path / "none" / "take", seconds=1)
     with pytest.raises(OutputError):
@@ -156,32 +110,17 @@ def test_stopped_it_leaves_a_take_that_can_be_read(tmp_path):
     summary = record(RecordingSource.of_clips("demo:walk", [walk], loop=True), path, report=stop)
     assert (summary.frames, summary.ended) == (5, "stopped")
     frames = [event for event in events(path) if isinstance(event, SkeletonFrame)]
-    assert list(map(key, frames)) == [key(as_recorded(each)) for each in islice(walk.frames(), 5)]
+    assert list(map(key, frames)) == keys(islice(walk.frames(), 5))
     assert path.read_bytes().endswith(b"}\n")
 
 
-class Singer:
-    """A microphone that has heard a tone since a time; see `capture.sound.Microphone`."""
-
-    overflows, rate = 1, SAMPLE_RATE
-
-    def __init__(self, begin):
-        self.begin, self.heard = begin, 0
-
-    def blocks(self):
-        tone = np.sin(np.arange(960) / 5).astype(np.float32)
-        for _ in range(10):
-            yield Block(self.begin + self.heard * 0.02, tone)
-            self.heard += 1
-
-    def close(self):
-        pass
+SUNG = np.sin(np.arange(4800) / 5).astype(np.float32)
 
 
 def test_the_sound_beside_a_take_is_on_its_clock(tmp_path):
     now = clock.now()
-    source = Scripted(frame(now), frame(now + 0.01), frame(now + 0.02, 2))
-    summary = record(source, tmp_path / "a.log", 0.3, sound=SoundInput(lambda: Singer(41.5)))
+    source = live(frame(now), frame(now + 0.01), frame(now + 0.02, 2))
+    summary = record(source, tmp_path / "a.log", 0.3, sound=SoundInput(lambda: Card(blocks(SUNG, 41.5))))
     cues = [event for event in events(tmp_path / "a.log") if isinstance(event, Cue)]
     assert [(cue.do, cue.arguments["file"]) for cue in cues] == [("sound", "a.wav")]
     assert cues[0].arguments["at"] == pytest.approx(41.5, abs=0.005)
@@ -191,4 +130,4 @@ def test_the_sound_beside_a_take_is_on_its_clock(tmp_path):
     assert summary.sound_overflows == 1
     with wave.open(summary.sound) as file:
         samples = np.frombuffer(file.readframes(960), "<i2") / 32767
-    np.testing.assert_allclose(samples, np.sin(np.arange(960) / 5), atol=1e-4)
+    np.testing.assert_allclose(samples, SUNG[:960], atol=1e-4)

@@ -4,6 +4,7 @@ from contextlib import closing
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from capture.trackers.face import FACE_CHANNELS, NEUTRAL_SECONDS, FaceChannels, FaceMesh, HeadDirection, axes, measures
@@ -47,7 +48,7 @@ def test_channels_of_drawn_faces_follow_their_openings(mesh, yaw, size, least):
 @pytest.mark.parametrize("yaw", [0, -30, 30])
 def test_an_eye_that_blinks_is_told_from_the_other(mesh, yaw):
     found = channels_of(mesh, [{"blink": blink} for blink in ((1, 0), (0, 1), (0, 0), (1, 1))], yaw=yaw)
-    np.testing.assert_array_equal(found[:, BLINK : BLINK + 2] > 0.5, [[1, 0], [0, 1], [0, 0], [1, 1]])
+    assert_array_equal(found[:, BLINK : BLINK + 2] > 0.5, [[1, 0], [0, 1], [0, 0], [1, 1]])
 
 
 @pytest.mark.slow
@@ -64,21 +65,21 @@ def test_a_face_that_looks_straight_ahead_at_the_edge_of_the_image_does_not_look
     """Its landmarks are seen as of a head that is turned by the angle of the ray."""
     landmarks = np.zeros((468, 3))
     landmarks[[33, 127], 0], landmarks[[263, 356], 0], landmarks[10, 1], landmarks[152, 1] = -1, 1, -1, 1
-    np.testing.assert_allclose(axes(landmarks, np.array([0.0, 0, 1])), np.eye(3), atol=1e-12)
+    assert_allclose(axes(landmarks, np.array([0.0, 0, 1])), np.eye(3), atol=1e-12)
     seen = landmarks @ Rotation.from_rotvec([0, -0.5, 0]).as_matrix().T
-    np.testing.assert_allclose(axes(seen, np.array([-np.tan(0.5), 0, 1])), np.eye(3), atol=1e-12)
+    assert_allclose(axes(seen, np.array([-np.tan(0.5), 0, 1])), np.eye(3), atol=1e-12)
     seen = landmarks @ Rotation.from_rotvec([-0.3, 0, 0]).as_matrix().T
-    np.testing.assert_allclose(axes(seen, np.array([0, np.tan(0.3), 1])), np.eye(3), atol=1e-12)
+    assert_allclose(axes(seen, np.array([0, np.tan(0.3), 1])), np.eye(3), atol=1e-12)
 
 
 def test_the_bone_to_the_head_turns_with_the_face_and_keeps_its_mean_direction():
     head, bone = HeadDirection(), np.array([0.0, 0.3, -0.1])
-    np.testing.assert_allclose(head.turned(bone, np.eye(3)), bone)
+    assert_allclose(head.turned(bone, np.eye(3)), bone)
     nod = Rotation.from_rotvec([-0.4, 0, 0]).as_matrix()
     for _ in range(2000):
         found = head.turned(nod @ bone, nod)
-    np.testing.assert_allclose(found, nod @ bone)
-    np.testing.assert_allclose(head.turned(2 * bone, np.eye(3)), 2 * bone, rtol=0.01)
+    assert_allclose(found, nod @ bone)
+    assert_allclose(head.turned(2 * bone, np.eye(3)), 2 * bone, rtol=0.01)
 
 
 def test_a_face_upside_down_or_of_no_person_has_no_landmarks(mesh):

@@ -4,6 +4,7 @@ from contextlib import closing
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from capture.skeleton import JOINT_INDEX
@@ -15,12 +16,12 @@ from .drawn_hands import WRIST, body, draw, four, landmarks
 
 
 def test_a_flat_hand_is_open_a_fist_is_not_and_a_finger_points():
-    np.testing.assert_array_equal(straightness(bends(landmarks(0))), 1)
-    np.testing.assert_array_equal(straightness(bends(landmarks(85))), 0)
-    np.testing.assert_array_equal(straightness(bends(landmarks([0, 85, 85, 85]))), [1, 0, 0, 0])
+    assert_array_equal(straightness(bends(landmarks(0))), 1)
+    assert_array_equal(straightness(bends(landmarks(85))), 0)
+    assert_array_equal(straightness(bends(landmarks([0, 85, 85, 85]))), [1, 0, 0, 0])
     half = straightness(bends(landmarks(45)))
     assert ((half > 0.3) & (half < 0.95)).all()
-    np.testing.assert_allclose(bends(landmarks(40))[1:, 1:], 40, atol=2)
+    assert_allclose(bends(landmarks(40))[1:, 1:], 40, atol=2)
 
 
 def test_each_joint_of_a_finger_has_a_channel_that_falls_to_zero_without_the_hand():
@@ -46,7 +47,7 @@ def test_the_hand_opens_as_far_as_a_drawn_one(hands, turned, size):
     for bend in range(0, 91, 10):
         image = draw(bend, turned, size)
         hand = [hands.find(image, body(size))[0] for _ in range(3)][-1]
-        np.testing.assert_allclose(hand.pixels[0], size * WRIST, atol=12 * size)
+        assert_allclose(hand.pixels[0], size * WRIST, atol=12 * size)
         found.append(channels.step(10.0 + bend, [hand, None])["hand_open_left"])
         drawn.append(straightness(bends(landmarks(bend))).mean())
     assert np.corrcoef(drawn, found)[0, 1] >= 0.95
@@ -60,7 +61,7 @@ def test_of_four_hands_those_that_do_not_end_the_performers_arms_are_ignored_wit
     elsewhere[[13, 15, 17, 19]] += [130, -60]
     for _ in range(2):
         found = [hands.find(image, arms) for _ in range(4)][-1]
-        np.testing.assert_allclose([hand.pixels[0] for hand in found], arms[[15, 16]], atol=12)
+        assert_allclose([hand.pixels[0] for hand in found], arms[[15, 16]], atol=12)
         assert [straightness(hand.bends).mean() for hand in found] == pytest.approx([0.58, 1], abs=0.15)
         assert [hands.find(alone, elsewhere)[0] for _ in range(3)] == [None] * 3
     other_side = body()[[1, 0, *range(2, 13), 14, 13, 16, 15, 18, 17, 20, 19, *range(21, 33)]]

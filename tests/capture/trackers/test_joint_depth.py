@@ -4,20 +4,17 @@ from functools import partial
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
-from capture.skeleton import JOINT_INDEX, TRACKED
+from capture.skeleton import JOINT_INDEX
 from capture.trackers import joint_depth
 from capture.trackers.joint_depth import PARENT_INDICES, SKIN_TO_JOINT_METRES
-from capture.trackers.picture import Lens
 from capture.trackers.placing import warm_up
 
 from ..bodies import body, table
+from .skin import LENS, PATCH, TRACKED_ALL, drawn, patch
 
-LENS = Lens(640, 480, 500.0)
-TRACKED_ALL = np.full(20, TRACKED, np.float32)
 ANKLE, KNEE, FOOT, WRIST, HAND = (JOINT_INDEX[f"{joint}_left"] for joint in ("ankle", "knee", "foot", "wrist", "hand"))
-WALL = 4.5
-PATCH = 12  # pixels from a joint's pixel to the edge of its skin
 
 WAYS = table("""
 spine           0 1 0
@@ -45,21 +42,6 @@ def changed(array, change):
     return array
 
 
-def drawn(joints=BODY, skin=None):
-    """Return a depth image of patches around the joints' pixels, the nearest on top; `skin` (20,) is in metres."""
-    skin = joints[:, 2] - SKIN_TO_JOINT_METRES if skin is None else skin
-    depth = np.full((LENS.height, LENS.width), WALL, np.float32)
-    for joint in np.argsort(-skin):
-        patch(depth, joints[joint], skin[joint])
-    return depth
-
-
-def patch(depth, joint, metres, beside=0):
-    column, row = LENS.project(joint).astype(int)
-    rows = slice(row - PATCH, row + PATCH + 1)
-    depth[rows, column - PATCH + beside : column + PATCH + 1 + beside] = round(metres, 3)
-
-
 @pytest.fixture(scope="module", name="measured")
 def _measured(interpreted):
     """Measure the depths of joints at their true pixels; the tracker's estimate (20,) and bones have another scale."""
@@ -80,9 +62,9 @@ def measure(module, depth, joints=BODY, estimated=ESTIMATE, confidence=TRACKED_A
 def test_a_joint_is_half_its_thickness_behind_the_skin_also_of_a_limb_that_is_wrongly_estimated_as_bent(
     measured, estimated, scale
 ):
-    depths, known, found = measured(drawn(), estimated=estimated, scale=scale)
+    depths, known, found = measured(drawn(BODY), estimated=estimated, scale=scale)
     assert known.all()
-    np.testing.assert_allclose(depths, ESTIMATE, atol=5e-4)
+    assert_allclose(depths, ESTIMATE, atol=5e-4)
     assert found == pytest.approx(scale, abs=1e-3)
 
 
@@ -100,7 +82,7 @@ def test_no_joint_is_farther_from_its_parent_than_1_4_bone_lengths(measured, len
 @pytest.mark.parametrize(("metres", "beside"), [(1.0, PATCH), (2.3, PATCH + 4)])
 def test_a_joint_is_behind_the_nearest_plausible_surface_in_a_quarter_of_the_window(measured, metres, beside):
     """Another hand in front of half of the wrist, or a column at the window's edge, near enough to be the wrist."""
-    depth = drawn()
+    depth = drawn(BODY)
     patch(depth, BODY[WRIST], metres, beside)
     depths, known, _ = measured(depth)
     assert known[WRIST]
@@ -108,19 +90,19 @@ def test_a_joint_is_behind_the_nearest_plausible_surface_in_a_quarter_of_the_win
 
 
 def test_a_joint_without_depth_keeps_its_estimated_offset_from_the_parent(measured):
-    depth = drawn()
+    depth = drawn(BODY)
     patch(depth, BODY[HAND], 0.0)
     # the wrist is wrong, as depth tells, and the hand 7 cm before it
     depths, known, scale = measured(depth, estimated=changed(ESTIMATE, {WRIST: 0.2, HAND: 0.2 - 0.07}))
-    np.testing.assert_array_equal(np.flatnonzero(~known), [HAND])
+    assert_array_equal(np.flatnonzero(~known), [HAND])
     assert depths[HAND] == pytest.approx(depths[WRIST] - 0.07 * scale, abs=1e-9)
 
 
 def test_hidden_joints_and_joints_outside_the_image_have_no_measured_depth(measured):
-    assert not measured(drawn(), confidence=changed(TRACKED_ALL, {WRIST: -0.51}))[1][WRIST]
+    assert not measured(drawn(BODY), confidence=changed(TRACKED_ALL, {WRIST: -0.51}))[1][WRIST]
     away = changed(BODY, {HAND: [-1.0, 0, 0]})
     assert LENS.project(away[HAND])[0] >= LENS.width
-    np.testing.assert_array_equal(np.flatnonzero(~measured(drawn(), away)[1]), [HAND])
+    assert_array_equal(np.flatnonzero(~measured(drawn(BODY), away)[1]), [HAND])
 
 
 def test_too_few_joints_with_depth_give_no_result(measured):
@@ -133,12 +115,12 @@ def test_too_few_joints_with_depth_give_no_result(measured):
 
 @pytest.mark.usefixtures("camera")  # which needs the compiled function
 def test_arrays_of_any_layout_give_the_same_without_compiling_again(measured):
-    depth = drawn()
+    depth = drawn(BODY)
     warm_up()
     compiled, expected = list(joint_depth._measure.signatures), measured(depth)
     locked = depth.copy()
     locked.flags.writeable = False
     for same in (locked, np.asfortranarray(depth), np.repeat(depth, 2, axis=1)[:, ::2]):
         for one, other in zip(measure(joint_depth, same), expected, strict=True):
-            np.testing.assert_allclose(one, other, rtol=1e-12)
+            assert_allclose(one, other, rtol=1e-12)
     assert joint_depth._measure.signatures == compiled

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from capture import body
 from capture.skeleton import JOINT_INDEX, JOINTS, OPPOSITE, PARENTS
@@ -13,6 +14,7 @@ from capture.trackers.mediapipe import LANDMARK_WEIGHTS, LOST_SECONDS, MediaPipe
 from capture.trackers.picture import Lens, Picture
 from puppetline.errors import SourceError
 
+from ..conftest import refused
 from .conftest import HEIGHT
 
 LENS = Lens(320, 240, 260.0)
@@ -33,10 +35,10 @@ def joint(squats, name):
 
 
 def test_every_joint_is_a_mean_of_landmarks_and_both_sides_are_symmetric():
-    np.testing.assert_allclose(LANDMARK_WEIGHTS.sum(axis=1), 1)
+    assert_allclose(LANDMARK_WEIGHTS.sum(axis=1), 1)
     assert LANDMARK_WEIGHTS.min() == 0
     other_side = [0, 4, 5, 6, 1, 2, 3, 8, 7, 10, 9, *(k + 1 if k % 2 else k - 1 for k in range(11, 33))]
-    np.testing.assert_array_equal(LANDMARK_WEIGHTS[OPPOSITE], LANDMARK_WEIGHTS[:, other_side])
+    assert_array_equal(LANDMARK_WEIGHTS[OPPOSITE], LANDMARK_WEIGHTS[:, other_side])
 
 
 def test_projected_joints_are_where_the_reference_has_them(squats, clip):
@@ -50,10 +52,10 @@ def test_projected_joints_are_where_the_reference_has_them(squats, clip):
 def test_the_performer_has_the_given_height_bones_that_keep_their_lengths_and_feet_that_stay(squats):
     children, parents = ([JOINT_INDEX[name] for name in names] for names in (PARENTS, PARENTS.values()))
     lengths = np.linalg.norm(squats[:, children] - squats[:, parents], axis=-1)[RATE:]
-    np.testing.assert_allclose(lengths / np.median(lengths, axis=0), 1, atol=0.1)
+    assert_allclose(lengths / np.median(lengths, axis=0), 1, atol=0.1)
     crown = joint(squats, "head")[:, 1] + body.HEAD_TOP_METRES
     soles = joint(squats, "ankle")[:, 1] - body.ANKLE_HEIGHT_METRES
-    np.testing.assert_allclose(np.sort(crown - soles)[-10:], HEIGHT, rtol=0.05)
+    assert_allclose(np.sort(crown - soles)[-10:], HEIGHT, rtol=0.05)
     sunk, stay = (np.ptp(joint(squats, name)[RATE:, 1]) for name in ("hip_center", "ankle"))
     assert sunk > 0.3
     assert stay < sunk / 2
@@ -96,7 +98,7 @@ def test_a_short_absence_loses_the_joints_and_a_longer_one_the_performer(clip, t
         (missed,) = shown(LOST_SECONDS, black)
         assert shown(LOST_SECONDS + 0.01, black) == []
     assert (missed.user, missed.confidence.tolist()) == (first.user, [0.0] * len(JOINTS))
-    np.testing.assert_array_equal(missed.positions, first.positions)
+    assert_array_equal(missed.positions, first.positions)
     assert caplog.messages == ["MediaPipe pose: the image is black: uncover the lens, or switch on the light"]
     (again,) = shown(2.0, picture.color)
     assert again.user == first.user + 1
@@ -127,8 +129,5 @@ def test_depth_that_fails_late_also_without_a_performer_and_an_image_without_col
     def depth():
         raise late
 
-    with pytest.raises(SourceError) as caught:
-        tracker.track(Picture(0.0, LENS, np.full((240, 320, 3), 120, np.uint8), depth))
-    assert caught.value is late
-    with pytest.raises(SourceError):
-        tracker.track(Picture(0.0, LENS, None, np.ones((240, 320), np.float32)))
+    assert refused(tracker.track, Picture(0.0, LENS, np.full((240, 320, 3), 120, np.uint8), depth)) is late
+    refused(tracker.track, Picture(0.0, LENS, None, np.ones((240, 320), np.float32)))

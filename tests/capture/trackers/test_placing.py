@@ -2,16 +2,14 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from capture import body
-from capture.skeleton import INFERRED, JOINT_INDEX, OPPOSITE, PARENTS, TRACKED
-from capture.trackers.joint_depth import SKIN_TO_JOINT_METRES
-from capture.trackers.picture import Lens
+from capture.skeleton import INFERRED, JOINT_INDEX, OPPOSITE, PARENTS
 
 from .. import bodies
+from .skin import LENS, TRACKED_ALL, WALL_METRES, drawn
 
-LENS = Lens(640, 480, 525.0)
-TRACKED_ALL = np.full(20, TRACKED, np.float32)
 HAND, HEAD, KNEE = (JOINT_INDEX[joint] for joint in ("hand_left", "head", "knee_right"))
 
 WAYS = bodies.table("""
@@ -35,18 +33,6 @@ POSTURE = (TRUTH - TRUTH[0]) / 1.2
 
 def bones(joints):
     return np.array([0, *(np.linalg.norm(joints[JOINT_INDEX[a]] - joints[JOINT_INDEX[b]]) for a, b in PARENTS.items())])
-
-
-def depth_of(joints=TRUTH, wall=4.5, without=()):
-    """Return a depth image, in metres, of a disc of skin for each joint in front of a wall."""
-    depth = np.full((LENS.height, LENS.width), wall, np.float32)
-    rows, columns = np.indices(depth.shape)
-    for joint in np.argsort(-joints[:, 2]):
-        if joint not in without:
-            column, row = LENS.project(joints[joint])
-            disc = np.hypot(columns - column, rows - row) < 0.05 * LENS.focal / joints[joint, 2]
-            depth[disc] = round(joints[joint, 2] - SKIN_TO_JOINT_METRES[joint], 3)
-    return depth
 
 
 def around(joint, up, down, left, right):
@@ -80,11 +66,11 @@ def test_the_distance_of_a_posture_is_exact(placing, place):
 
 def test_the_height_determines_the_scale_without_depth(BodyPlacer):
     positions, confidence = placed(BodyPlacer(body.height(TRUTH)))
-    np.testing.assert_allclose(positions, TRUTH, atol=1e-5)
-    np.testing.assert_array_equal(confidence, TRACKED_ALL)
+    assert_allclose(positions, TRUTH, atol=1e-5)
+    assert_array_equal(confidence, TRACKED_ALL)
     small, tall = (placed(BodyPlacer(height))[0] for height in (1.4, 2.0))
     crown_and_soles = body.HEAD_TOP_METRES + body.ANKLE_HEIGHT_METRES
-    np.testing.assert_allclose(tall, small * (2.0 - crown_and_soles) / (1.4 - crown_and_soles))
+    assert_allclose(tall, small * (2.0 - crown_and_soles) / (1.4 - crown_and_soles))
 
 
 def test_height_and_sides_are_exact_and_bones_keep_their_lengths_for_noisy_estimates(BodyPlacer):
@@ -96,7 +82,7 @@ def test_height_and_sides_are_exact_and_bones_keep_their_lengths_for_noisy_estim
         }
         positions, _ = placed(placer, time=k / 30, confidence=rng.uniform(0, 1, 20).astype(np.float32), **noisy)
         assert body.height(positions) == pytest.approx(1.6, abs=1e-9)
-        np.testing.assert_allclose(bones(positions), bones(positions)[OPPOSITE], atol=1e-9)
+        assert_allclose(bones(positions), bones(positions)[OPPOSITE], atol=1e-9)
     placer, guessed, found = BodyPlacer(1.7), [], []
     for k in range(90):
         posture = POSTURE + rng.normal(0, 0.02, (20, 3))
@@ -116,27 +102,27 @@ def test_the_estimated_distance_is_smoothed_with_a_time_constant_of_0_1_s(BodyPl
 
 
 def test_depth_places_joints_exactly_whatever_the_height_and_the_scale_outlasts_the_depth(BodyPlacer):
-    placer, depth = BodyPlacer(1.2), depth_of()
-    depth[around(KNEE, 20, 20, -1, 20)] = 4.5  # a wall beside a thin limb
+    placer, depth = BodyPlacer(1.2), drawn(TRUTH, size=9)
+    depth[around(KNEE, 20, 20, -1, 20)] = WALL_METRES  # a wall beside a thin limb
     positions, confidence = placed(placer, depth)
-    np.testing.assert_array_equal(confidence, TRACKED_ALL)
-    np.testing.assert_allclose(positions, TRUTH, atol=1e-3)
-    np.testing.assert_allclose(placed(placer, time=0.1)[0], TRUTH, atol=0.01)
+    assert_array_equal(confidence, TRACKED_ALL)
+    assert_allclose(positions, TRUTH, atol=1e-3)
+    assert_allclose(placed(placer, time=0.1)[0], TRUTH, atol=0.01)
 
 
 def test_a_joint_without_depth_is_inferred_at_its_estimate(BodyPlacer):
-    depth = depth_of(without=[HAND])
+    depth = drawn(TRUTH, without=[HAND], size=9)
     depth[around(HEAD, 60, 20, 40, 40)] = 1.0  # an object in front of the face
     positions, confidence = placed(BodyPlacer(1.7), depth)
     expected = TRACKED_ALL.copy()
     expected[[HAND, HEAD]] = INFERRED
-    np.testing.assert_array_equal(confidence, expected)
-    np.testing.assert_allclose(positions, TRUTH, atol=0.01)
+    assert_array_equal(confidence, expected)
+    assert_allclose(positions, TRUTH, atol=0.01)
 
 
 def test_an_empty_depth_image_is_like_none_and_pixels_that_no_body_can_have_give_no_result(BodyPlacer):
     empty = np.zeros((LENS.height, LENS.width), np.float32)
     for with_it, without in zip(placed(BodyPlacer(1.7), empty), placed(BodyPlacer(1.7)), strict=True):
-        np.testing.assert_array_equal(with_it, without)
+        assert_array_equal(with_it, without)
     for pixels in (LENS.project(TRUTH) * -1, np.full((20, 2), 100.0)):  # upside down, and a heap
         assert placed(BodyPlacer(1.7), pixels=pixels) is None

@@ -43,7 +43,7 @@ def background(table: BackgroundTable, size: tuple[int, int], scene: Path) -> ND
     share = np.linspace(0, 1, size[1])[:, None]
     colors = (1 - share) * ImageColor.getrgb(top)[:3] + share * ImageColor.getrgb(bottom)[:3]
     column = np.rint(np.column_stack([colors, np.full(size[1], 255)])).astype(np.uint8)
-    return np.ascontiguousarray(column[:, None].repeat(2, axis=1))
+    return column[:, None].repeat(size[0], axis=1)
 
 
 def title(table: TitleTable, size: tuple[int, int], where: str, folder: Path) -> NDArray[np.uint8]:

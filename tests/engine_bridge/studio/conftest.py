@@ -127,6 +127,19 @@ class RunningStudio:
 
         return self.run(send())
 
+    def closed_with(self, path, *frames):
+        """Return the code with which a WebSocket is closed after some frames."""
+
+        async def send():
+            async with aiohttp.ClientSession() as http, http.ws_connect(self.address + path) as socket:
+                for frame in frames:
+                    await (socket.send_bytes if isinstance(frame, bytes) else socket.send_str)(frame)
+                while not socket.closed:
+                    await socket.receive()
+                return socket.close_code
+
+        return self.run(send())
+
     def upload(self, name, data):
         """Upload a file; return the status and the reply."""
         status, _, body = self.http("POST", "/uploads", params={"name": name}, data=data, headers=self.bearer)

@@ -1,15 +1,11 @@
 """The page of `puppetline studio` in a browser: from an empty page to an exported file, and what goes wrong."""
 
-import re
-
-import numpy as np
 import psutil
 import pytest
-from puppetline.examples.performances import PERFORMANCES
 
 from engine_bridge.character.examples import prepare
 
-from .page_driver import RULES, TIMEOUT_SECONDS, Window, running, violations
+from .page_driver import RULES, TIMEOUT_SECONDS, running, violations
 
 pytestmark = pytest.mark.slow
 
@@ -58,30 +54,6 @@ def test_an_own_mesh_moves_after_at_most_six_clicks_and_the_page_says_what_is_un
     window.page.get_by_text("What Puppetline guessed").click()
     assert note.is_visible()
     window.page.get_by_text("What Puppetline guessed").click()
-
-
-def test_a_recording_that_is_dropped_on_the_page_performs(window):
-    """The recording is in the format of UTKinect-Action3D."""
-    rows = [
-        " ".join([str(frame + 1), *(f"{x:.5f}" for x in np.nan_to_num(positions).ravel())])
-        for frame, positions in enumerate(PERFORMANCES["rear"]().positions)
-    ]
-    held = window.page.evaluate_handle(
-        "([name, text]) => { const held = new DataTransfer(); held.items.add(new File([text], name)); return held; }",
-        ["rear.txt", "\n".join(rows) + "\n"],
-    )
-    window.page.dispatch_event("body", "dragover", {"dataTransfer": held})
-    hint = window.page.get_by_text("Drop the file to open it")
-    hint.wait_for()
-    window.page.dispatch_event("body", "drop", {"dataTransfer": held})
-    hint.wait_for(state="detached")
-    window.until("state.server.source.kind === 'upload' && state.server.source.name === 'rear.txt'")
-    window.idle()
-    window.button("Change…").click()
-    window.until("state.sources")  # the list is complete, and stays where it is
-    window.page.locator(".sources").get_by_role("button", name="Walk", exact=True).click()
-    window.until("state.server.source.name === 'walk'")
-    window.idle()
 
 
 OVERLAPS = """() => {
@@ -148,24 +120,6 @@ def test_a_narrow_page_opens_its_side_panels_records_and_plays(studio, browser, 
     assert narrow.page.evaluate(OVERLAPS) == []
     assert narrow.page.evaluate("document.documentElement.scrollWidth <= innerWidth")
     narrow.close()
-
-
-def test_two_windows_see_the_same_and_so_does_one_that_is_loaded_again(browser, window):
-    window.button("Another window…").click()
-    text = window.until("state.notice?.level === 'info' && state.notice.text")
-    other = Window(browser.new_context(), re.search(r"http://\S+", text)[0])
-    other.until(f"{MOVES} && state.puppets[state.character]")
-    assert other.puppet == window.puppet
-    window.tab("Motion")
-    before = other.puppet
-    window.page.get_by_label("Hands meet").click()
-    other.edited(before)
-    window.idle()
-    assert other.puppet == window.puppet
-    other.page.reload()
-    other.until(f"{MOVES} && state.puppets[state.character]")
-    assert other.puppet == window.puppet
-    other.close()
 
 
 def test_a_service_that_is_killed_starts_again_and_nothing_is_lost(studio, window):
@@ -236,3 +190,16 @@ def test_a_browser_without_3d_is_told_what_it_needs(studio, browser, window):
     page.goto(studio.last_address)
     page.get_by_role("alert").get_by_text("The studio needs WebGL 2.").wait_for()
     context.close()
+
+
+def test_a_recording_that_is_dropped_on_the_page_performs(window, take):
+    """This is the last test: the recording ends."""
+    held = window.page.evaluate_handle(
+        "(text) => { const held = new DataTransfer(); held.items.add(new File([text], 'take.log')); return held; }",
+        take.read_text(),
+    )
+    hint = window.page.get_by_text("Drop the file to open it")
+    for event, state in (("dragover", "visible"), ("drop", "detached")):
+        window.page.dispatch_event("body", event, {"dataTransfer": held})
+        hint.wait_for(state=state)
+    window.until("state.server.source.kind === 'upload' && state.server.source.name === 'take.log'")

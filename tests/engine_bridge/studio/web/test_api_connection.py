@@ -15,32 +15,18 @@ from engine_bridge.studio.web.api_connection import MAX_MISTAKES
 from ...service.security.test_web_sockets import sizes_of_floods
 
 
-def closed_with(studio, path, *frames):
-    """Return the code with which a connection is closed after some frames."""
-
-    async def send():
-        async with aiohttp.ClientSession() as http, http.ws_connect(studio.address + path) as socket:
-            for frame in frames:
-                await (socket.send_bytes if isinstance(frame, bytes) else socket.send_str)(frame)
-            while not socket.closed:
-                await socket.receive()
-            return socket.close_code
-
-    return studio.run(send())
-
-
 @pytest.mark.parametrize(
     "frame", ["", "token", "{}", '{"token": 3}', "[]", "null", "[" * 100_000, b"\0\1", '{"do": "ping", "id": 1}']
 )
 def test_a_client_without_a_token_is_disconnected(studio, frame):
-    assert closed_with(studio, "/api", frame) == CloseCode.NOT_UNDERSTOOD
+    assert studio.closed_with("/api", frame) == CloseCode.NOT_UNDERSTOOD
 
 
 def test_a_wrong_token_and_a_replayed_one_are_refused(studio, caplog):
     token = studio.token()
     session = studio.run(studio.enter(token))["session"]
     for refused in (token, "wrong"):
-        assert closed_with(studio, "/api", json.dumps({"token": refused})) == CloseCode.REFUSED
+        assert studio.closed_with("/api", json.dumps({"token": refused})) == CloseCode.REFUSED
     assert token not in caplog.text
     assert session not in caplog.text
     assert studio.run(studio.enter(session))["session"] == session
@@ -57,8 +43,8 @@ def test_clients_that_send_without_a_token_leave_nothing_in_memory(studio, monke
 
 
 def test_the_stream_accepts_session_tokens_only(studio):
-    assert closed_with(studio, "/stream", json.dumps({"token": studio.token()})) == CloseCode.REFUSED
-    assert closed_with(studio, "/stream", json.dumps({"token": studio.session})) == CloseCode.NO_SERVICE
+    assert studio.closed_with("/stream", json.dumps({"token": studio.token()})) == CloseCode.REFUSED
+    assert studio.closed_with("/stream", json.dumps({"token": studio.session})) == CloseCode.NO_SERVICE
 
 
 def test_the_greeting_is_followed_by_the_whole_state(studio):
@@ -76,7 +62,7 @@ def test_the_greeting_is_followed_by_the_whole_state(studio):
 def test_a_page_whose_state_cannot_be_sent_is_disconnected_instead_of_showing_an_old_one(studio, monkeypatch):
     hello = json.dumps({"token": studio.session})
     monkeypatch.setattr(Studio, "state", property(lambda _: {}["a stage that has just gone"]))
-    assert closed_with(studio, "/api", hello) == WSCloseCode.ABNORMAL_CLOSURE
+    assert studio.closed_with("/api", hello) == WSCloseCode.ABNORMAL_CLOSURE
 
 
 @pytest.mark.parametrize(
@@ -121,6 +107,6 @@ def test_many_frames_that_are_no_requests_and_one_that_is_too_large_end_the_conn
     hello = json.dumps({"token": studio.session})
     wrong = itertools.cycle(["?", b"\0\1", "[]", '{"do": "ping"}', '{"id": "x"}', '{"id": true}', "[" * 100_000])
     frames = itertools.islice(wrong, MAX_MISTAKES)
-    assert closed_with(studio, "/api", hello, *frames) == CloseCode.NOT_UNDERSTOOD
+    assert studio.closed_with("/api", hello, *frames) == CloseCode.NOT_UNDERSTOOD
     assert studio.result("ping") == "pong"
-    assert closed_with(studio, "/api", hello, "x" * 2_000_000) == aiohttp.WSCloseCode.MESSAGE_TOO_BIG
+    assert studio.closed_with("/api", hello, "x" * 2_000_000) == aiohttp.WSCloseCode.MESSAGE_TOO_BIG

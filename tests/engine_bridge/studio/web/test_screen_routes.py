@@ -2,7 +2,6 @@
 
 import json
 
-import aiohttp
 import pytest
 
 from engine_bridge.service.kiosk.kiosk_table import KioskTable, ScreenTable
@@ -73,12 +72,7 @@ def test_the_key_opens_nothing_else_and_ends_when_its_file_is_gone(studio, key):
         assert studio.http(method, path, headers=key)[0] == 401
 
     def closed_with(path, token):
-        async def connect():
-            async with aiohttp.ClientSession() as http, http.ws_connect(studio.address + path) as socket:
-                await socket.send_json({"token": token})
-                return (await socket.receive()).data
-
-        return studio.run(connect())
+        return studio.closed_with(path, json.dumps({"token": token}))
 
     assert closed_with("/api", token) == 4401
     assert closed_with("/stream", token) == 4503  # the service does not run

@@ -220,7 +220,10 @@ class Glb:
         arrays = {"POSITION": positions if positions.dtype.kind == "u" else np.float32(positions), **attributes}
         return gltf.Primitive(
             attributes=gltf.Attributes(
-                **{key: self.add(array, normalized=array.dtype.kind in "iu") for key, array in arrays.items()}
+                **{
+                    key: self.add(array, normalized=array.dtype.kind in "iu" and key != "JOINTS_0")
+                    for key, array in arrays.items()
+                }
             ),
             indices=None if indices is None else self.add(self._indices(indices), gltf.ELEMENT_ARRAY_BUFFER),
             mode=mode,

@@ -89,4 +89,4 @@ def test_folders_and_unknown_kinds_of_files_are_refused(tmp_path):
     for name, found in (("none", "no such file"), ("", "a folder"), ("notes.txt", "text with lines such as 'hello'")):
         error = refused(PuppetlineError, inspect, tmp_path / name)
         assert error.found == found
-        assert all(kind in error.expected for kind in ("puppet", "recording", ".glb", ".obj"))
+    assert all(kind in error.expected for kind in ("puppet", "recording", ".glb", ".obj"))

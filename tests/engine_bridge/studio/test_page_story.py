@@ -16,9 +16,8 @@ from capture.sound import BLOCK_SECONDS
 from engine_bridge.film import scene as scenes
 from engine_bridge.film.framing import Shots
 from engine_bridge.film.production import produce
-from solver.model.binding import Binding
-from solver.motion.deformer import to_file_units
 
+from ..film.conftest import placed
 from .page_driver import TIMEOUT_SECONDS, running
 
 pytestmark = pytest.mark.slow
@@ -175,7 +174,7 @@ def test_every_frame_shows_the_poses_of_both_takes(studio, film):
     shots = Shots(production.scene.camera, production.extents(lambda *_: None), FPS, SIZE)
     half = SIZE[0] // 2
     for side, actor in zip((slice(0, half), slice(half, None)), production.actors, strict=True):
-        triangles, places = actor.prepared.character.triangles, places_of(actor, production.frames)
+        triangles, places = actor.prepared.character.triangles, placed(actor, range(production.frames))
         moving = np.linalg.norm(np.diff(places, axis=0), axis=2).max(axis=1)
         fastest = int(moving[10:-10].argmax()) + 10  # between this frame and the next one
         for frame in (10, fastest, len(frames) - 10):
@@ -185,14 +184,6 @@ def test_every_frame_shows_the_poses_of_both_takes(studio, film):
             agreement = [(shown & each).sum() / (shown | each).sum() for each in drawn]
             assert agreement[0] > MIN_AGREEMENT
             assert frame != fastest or agreement[0] > agreement[1]
-
-
-def places_of(actor, frames):
-    """Return where the vertices of a character are in each frame of the film, (F, n, 3), in metres."""
-    binding = Binding(actor.prepared.model, actor.prepared.character.vertices, actor.prepared.mesh.of_render)
-    to_stage = [actor.to_stage(frame) for frame in range(frames)]
-    shown = [binding.vertices(to_file_units(actor.pose(frame).R, actor.prepared.model)) for frame in range(frames)]
-    return np.array([each @ to[:3] + to[3] for each, to in zip(shown, to_stage, strict=True)])
 
 
 def silhouette(places, triangles, camera):

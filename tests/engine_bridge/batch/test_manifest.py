@@ -7,7 +7,7 @@ from engine_bridge.batch import manifest
 from engine_bridge.batch.identity import FileState
 from engine_bridge.batch.row import Row
 from engine_bridge.batch.store import Job, Record, Store
-from puppetline.errors import PuppetlineError
+from puppetline.errors import OutputError
 
 from ..refusals import refused
 
@@ -39,13 +39,13 @@ def test_csv_has_a_line_per_result_and_notes_as_one_text(tmp_path):
 
 @pytest.mark.parametrize("name", ["m.xlsx", "m", "gone/m.csv"])
 def test_a_manifest_that_cannot_be_written_is_refused_before_the_work(tmp_path, name):
-    refused(PuppetlineError, manifest.check_manifest, tmp_path / name)
+    refused(OutputError, manifest.check_manifest, tmp_path / name)
 
 
 def test_without_pyarrow_parquet_names_the_extra_and_csv_works(tmp_path, monkeypatch):
     monkeypatch.setattr("engine_bridge.batch.manifest.find_spec", lambda _: None)
     manifest.check_manifest(tmp_path / "m.csv")
-    error = refused(PuppetlineError, manifest.check_manifest, tmp_path / "m.parquet")
+    error = refused(OutputError, manifest.check_manifest, tmp_path / "m.parquet")
     assert "pip install 'puppetline[batch]'" in error.fix
 
 

@@ -14,6 +14,7 @@ from engine_bridge.batch.store import OWN_FOLDER, PARTIAL_FOLDER, STALE_SECONDS,
 from puppetline.errors import OutputError
 
 from ..refusals import refused
+from .conftest import partial
 
 
 @pytest.fixture
@@ -46,16 +47,12 @@ def write(store, job):
     return make
 
 
-def partial(store):
-    return list((store.folder / OWN_FOLDER / PARTIAL_FOLDER).iterdir())
-
-
 def test_a_record_is_read_as_it_was_written(store, job, write):
     record = write(a=b"result")
     assert store.load(job.name) == record
     assert store.is_current(record, job)
     assert [each for _, each in store.records()] == [record]
-    assert partial(store) == []
+    assert partial(store.folder) == []
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b'{"identity": "x"}', b"[]", b"\xff"])
@@ -100,7 +97,7 @@ def test_an_error_leaves_the_former_result_and_no_partial_file(store, job, write
         path.write_bytes(b"half")
         raise ZeroDivisionError
     assert (store.folder / "p/x/a.glb").read_bytes() == b"former"
-    assert partial(store) == []
+    assert partial(store.folder) == []
 
 
 def test_starts_are_counted_within_a_batch_until_a_record_is_written(store, job, write):

@@ -272,24 +272,30 @@ EXPORTS = [
 
 
 @pytest.fixture(scope="session")
-def exported(variants, take, write_puppet, request, tmp_path_factory):
-    """Convert a character; real ones are moved by handles at their six outermost points."""
-    folder = tmp_path_factory.mktemp("exported")
+def export_of(variants, write_puppet, request):
+    """Convert a variant, or a real character, which is moved by handles at its six outermost points."""
 
-    @cache
-    def make(name, form):
-        if name in REAL:
+    def make(folder, log, name, form, **options):
+        variant = variants.get(name)
+        if variant is None:
             path = request.getfixturevalue("real_data") / "mesh" / "gltf" / f"{name}.glb"
             character = load_character(path)
             variant = Variant(name, path, [part.vertices for part in character.parts])
-            options = {"handles": outermost_handles(character.vertices), "more": "[solver]\nfields = 5\nisolines = 6\n"}
-        else:
-            variant, options = variants[name], {"root": form != "still"}
+            scale = np.linalg.norm(np.ptp(character.vertices, axis=0)) / 4
+            more = f"[retarget]\nscale = {scale}\n\n[solver]\nfields = 5\nisolines = 6\n"
+            options = {"handles": outermost_handles(character.vertices), "more": more}
         puppet = write_puppet(folder / f"{variant.path.stem}_{form}.toml", variant.path, **options)
         settings = Settings(form="morph" if form == "still" else form)
-        return Export(variant, form, *convert(take, puppet, puppet.with_suffix(".glb"), settings))
+        return Export(variant, form, *convert(log, puppet, puppet.with_suffix(".glb"), settings))
 
     return make
+
+
+@pytest.fixture(scope="session")
+def exported(export_of, take, tmp_path_factory):
+    """Convert a character, once for all tests."""
+    folder = tmp_path_factory.mktemp("exported")
+    return cache(lambda name, form: export_of(folder, take, name, form, root=form != "still"))
 
 
 @pytest.fixture(params=EXPORTS, ids=" as ".join)

@@ -90,22 +90,11 @@ def test_a_part_moves_as_it_does_in_the_whole(take, blob_puppet, converted, tmp_
     assert not (tmp_path / "none.glb").exists()
 
 
-def test_the_performer_who_was_tracked_longest_is_taken_or_the_one_asked_for(
-    dance, frames, record, record_events, standing, tmp_path
-):
-    positions = dance(20)
-    events = [replace(frame, user=4) for frame in frames(positions)]
-    events += [replace(frame, user=7) for frame in frames(positions[:10] + 1)]
-    path = record_events(tmp_path / "two.log", sorted(events, key=lambda event: event.time))
-    longest, notes = load_timeline(path, Settings())
-    assert (len(longest.positions), len(notes)) == (20, 1)
-    other, _ = load_timeline(path, Settings(user=7))
-    assert_allclose(other.positions, positions[:10] + 1, atol=1e-5)
-    held, notes = load_timeline(record(tmp_path / "one.log", standing[None]), Settings())
+def test_a_single_frame_is_held_and_errors_name_the_recording(record, standing, tmp_path):
+    held, _ = load_timeline(record(tmp_path / "one.log", standing[None]), Settings())
     assert_allclose(held.positions, np.broadcast_to(standing, held.positions.shape), atol=1e-5)
     lost = record(tmp_path / "lost.log", np.full((9, 20, 3), np.nan))
-    for log, settings in ((path, Settings(user=5)), (lost, Settings())):
-        refused_place(SkeletonLogError, log, load_timeline, log, settings)
+    refused_place(SkeletonLogError, lost, load_timeline, lost, Settings())
 
 
 def test_an_assumption_is_noted(record, dance, blob_puppet, tmp_path):

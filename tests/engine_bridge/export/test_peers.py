@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from engine_bridge.character.character import from_document, load_character
+from engine_bridge.character.character import from_document
 from engine_bridge.character.document_reader import load_document
-from engine_bridge.export.convert import convert
-from engine_bridge.performance.settings import Settings
 
-from .conftest import Export, outermost_handles, posed
+from .conftest import posed
 
 pytestmark = pytest.mark.slow
 
@@ -57,23 +55,13 @@ def second(record, dance, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def file(variants, second, write_puppet, limb_tables, request, tmp_path_factory):
+def file(export_of, second, limb_tables, tmp_path_factory):
     """Export a character, once for all tests; synthetic ones have a root, and limbs for a rig."""
     folder = tmp_path_factory.mktemp("exported")
 
     @cache
     def make(name, form):
-        options = {"handles": limb_tables} if form == "rig" else {}
-        if name in REAL:
-            path = request.getfixturevalue("real_data") / "mesh" / "gltf" / f"{name}.glb"
-            vertices = load_character(path).vertices
-            scale = np.linalg.norm(np.ptp(vertices, axis=0)) / 4
-            more = f"[retarget]\nscale = {scale}\n\n[solver]\nfields = 5\nisolines = 6\n"
-            options = {"handles": outermost_handles(vertices), "more": more}
-        else:
-            path = variants[name].path
-        puppet = write_puppet(folder / f"{name}_{form}.toml", path, **options)
-        return Export(None, form, *convert(second, puppet, puppet.with_suffix(".glb"), Settings(form=form)))
+        return export_of(folder, second, name, form, **({"handles": limb_tables} if form == "rig" else {}))
 
     return make
 

@@ -85,6 +85,7 @@ def test_eyes_are_halfway_up_and_a_licence_of_vrms_is_stated_as_such(made):
     vrm = made(own, ["lookUp", "lookDown", "lookLeft", "lookRight"])["extensions"]["VRMC_vrm"]
     assert vrm["meta"] == {"name": "Ada", "authors": ["Ben"], "licenseUrl": own.licence, "version": "2"}
     assert (vrm["lookAt"]["type"], vrm["lookAt"]["rangeMapHorizontalInner"]["outputScale"]) == ("expression", 1)
+    assert vrm["expressions"]["preset"].keys() == {"lookUp", "lookDown", "lookLeft", "lookRight"}
 
 
 def test_an_earlier_vrm_and_animations_are_replaced(made):

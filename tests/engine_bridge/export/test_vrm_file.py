@@ -75,15 +75,6 @@ def test_three_vrm_shows_an_avatar_that_stands_on_the_floor_in_a_t_pose_from_a_v
     assert bones["head"][1] < bones["head"][1] + shown["viewpoint"][1] < high[1]
 
 
-def test_morph_targets_with_known_names_are_expressions(variants, limb_tables, write_puppet, node, tmp_path):
-    """The targets of this file are called smile and frown."""
-    puppet = write_puppet(tmp_path / "faces.toml", variants["own_targets"].path, handles=limb_tables)
-    write_vrm(puppet, tmp_path / "faces.vrm", RigSettings(), GIVEN)
-    found = json.loads(node("describe_vrm.mjs", tmp_path / "faces.vrm"))
-    assert found["warnings"] == []
-    assert found["expressions"] == {"smile": 1, "frown": 1}
-
-
 def test_what_is_no_humanoid_or_states_nothing_or_replaces_a_mesh_is_refused(
     avatar, blob_puppet, limbed_puppet, tmp_path
 ):

@@ -1,6 +1,5 @@
 """Films of scene files: frames, sound in step with the picture, parts, drafts, and files that are whole or absent."""
 
-import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +17,7 @@ from engine_bridge.pictures.gpu_renderer import GpuRenderer
 from puppetline.errors import OutputError
 
 from ..refusals import refused
-from .conftest import quiet
+from .conftest import placed, quiet
 
 av = pytest.importorskip("av", reason="the extra film is not installed")
 
@@ -119,11 +118,15 @@ def test_a_clap_is_heard_when_it_is_seen(write_scene, write_wav, tmp_path, endin
     assert heard == pytest.approx(1.25 - start, abs=0.01)
 
 
-def test_a_character_is_drawn_with_its_mouth_open_when_it_speaks(write_scene, talking, monkeypatch):
+def test_a_character_is_drawn_where_its_take_has_it_with_its_mouth_open_when_it_speaks(
+    write_scene, talking, monkeypatch
+):
     path = write_scene(SCENE.replace("LIMBED", str(talking(False))))
     actor = produce(path, load(path), quiet).actors[0]
     pose = actor.pose(0)
     surface, shown = films._Surface(actor), []
+    for frame in (0, 20):
+        assert_allclose(surface.at(frame)[0], *placed(actor, [frame]), atol=1e-5)
     for value in (0.0, 1.0, 0.0):
         speaking = replace(pose, channels={"voice": value})
         monkeypatch.setattr(actor, "pose", lambda _, speaking=speaking: speaking)
@@ -132,19 +135,6 @@ def test_a_character_is_drawn_with_its_mouth_open_when_it_speaks(write_scene, ta
     expected = np.linalg.norm(own_targets.displacements(actor.prepared.character, "jaw"), axis=1)
     assert_allclose(moved, expected, atol=0.05 * expected.max())
     assert_array_equal(shown[2], shown[0])
-
-
-def test_an_interrupt_leaves_no_file(write_scene, tmp_path):
-    calls = itertools.count()
-
-    def stop(step, _share):
-        if step == "Filming" and next(calls) == 5:
-            raise KeyboardInterrupt
-
-    path = write_scene(SCENE)
-    with pytest.raises(KeyboardInterrupt):
-        make_video(path, tmp_path / "film.mp4", 0, None, False, stop)
-    assert {each.name for each in tmp_path.iterdir()} == {"scene.toml"}
 
 
 def test_without_a_graphics_library_the_message_says_what_to_install(write_scene, tmp_path, monkeypatch):

@@ -13,16 +13,9 @@ from engine_bridge.film.production import CROWN_SHARE, UPPER_SHARE, produce
 from engine_bridge.film.scene import CameraTable
 from engine_bridge.pictures.camera import Camera
 
-from .conftest import placed, quiet
+from .conftest import in_picture, placed, quiet
 
 SIZE = (1280, 720)
-
-
-def in_picture(camera, points, size=SIZE):
-    """Return points (n, 2) as shares of the picture from its top left corner."""
-    clip = np.column_stack([points, np.ones(len(points))]) @ camera.matrix(size).astype(float)
-    assert (clip[:, 3] > 0).all()
-    return clip[:, :2] / clip[:, 3:] / 2 + 0.5
 
 
 @given(st.integers(0, 1000), st.floats(-180, 180), st.floats(0, 80), st.floats(10, 90))
@@ -31,7 +24,7 @@ def test_the_nearest_camera_shows_all_points_with_room_around_them(seed, azimuth
     a, e = np.radians([azimuth, elevation])
     towards = np.array([np.sin(a) * np.cos(e), np.sin(e), np.cos(a) * np.cos(e)])
     target, eye = framed(points, towards, field, SIZE)
-    shown, room = in_picture(Camera(eye, target, field), points), [SIDE_ROOM, HEAD_ROOM]
+    shown, room = in_picture(Camera(eye, target, field), points, SIZE), [SIDE_ROOM, HEAD_ROOM]
     left = np.concatenate([shown.min(axis=0) - room, 1 - np.array(room) - shown.max(axis=0)])
     assert (left >= -1e-4).all()
     is_outside = np.linalg.norm(eye - target) > (points - target).dot(towards).max() + 0.01
@@ -65,7 +58,7 @@ def test_a_camera_that_follows_stays_nearer_and_moves_smoothly():
     assert (wide.eye == camera(still, 299).eye).all()
     assert np.linalg.norm(eyes[0] - cameras[0].target) < np.linalg.norm(wide.eye - wide.target)
     assert np.abs(np.diff(eyes, axis=0, n=2)).max() < 0.2 * 0.05  # a step of 5 cm per frame begins within many frames
-    shown = np.array([in_picture(cameras[frame], walk.whole[frame]) for frame in range(0, 300, 7)])
+    shown = np.array([in_picture(cameras[frame], walk.whole[frame], SIZE) for frame in range(0, 300, 7)])
     assert ((shown > 0) & (shown < 1)).all()
 
 
@@ -124,7 +117,7 @@ def outside(production):
             if table.shot == "close":
                 high = vertices[:, 1] > vertices[:, 1].max() - UPPER_SHARE * actor.footing.height
                 vertices = vertices[crown | high]
-            shown = in_picture(shots.views(frame)[-1].camera, vertices)
+            shown = in_picture(shots.views(frame)[-1].camera, vertices, SIZE)
             count += ((shown < 0) | (shown > 1)).any(axis=1).sum()
     return count
 

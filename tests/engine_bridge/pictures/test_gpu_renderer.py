@@ -13,6 +13,8 @@ from engine_bridge.pictures.camera import Camera
 from engine_bridge.pictures.gpu_renderer import GpuRenderer
 from engine_bridge.pictures.gpu_scene import Overlay, StageExtent, Surroundings
 
+from ..film.conftest import in_picture
+
 pytest.importorskip("moderngl", reason="the extra film is not installed")
 
 SIZE = (160, 120)
@@ -39,8 +41,7 @@ def square(side, x=0.0, y=0.8, z=0.0):
 
 def on_screen(camera, points):
     """Return the pixels (n, 2) right and down of points."""
-    clip = np.column_stack([points, np.ones(len(points))]) @ camera.matrix(SIZE).astype(float)
-    return (clip[:, :2] / clip[:, 3:] / 2 + 0.5) * SIZE
+    return in_picture(camera, points, SIZE) * SIZE
 
 
 @pytest.fixture

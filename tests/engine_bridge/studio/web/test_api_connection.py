@@ -13,6 +13,7 @@ from engine_bridge.studio.web import api_connection
 from engine_bridge.studio.web.api_connection import MAX_MISTAKES
 
 from ...service.security.test_web_sockets import sizes_of_floods
+from ..conftest import connected, received
 
 
 @pytest.mark.parametrize(
@@ -27,9 +28,7 @@ def test_a_wrong_token_and_a_replayed_one_are_refused(studio, caplog):
     session = studio.run(studio.enter(token))["session"]
     for refused in (token, "wrong"):
         assert studio.closed_with("/api", json.dumps({"token": refused})) == CloseCode.REFUSED
-    assert token not in caplog.text
-    assert session not in caplog.text
-    assert studio.run(studio.enter(session))["session"] == session
+    assert not any(secret in caplog.text for secret in (token, session))
     address = studio.result("invite")["address"]
     assert studio.run(studio.enter(address.partition("#token=")[2]))["session"] not in (session, studio.session)
 
@@ -49,10 +48,14 @@ def test_the_stream_accepts_session_tokens_only(studio):
 
 def test_the_greeting_is_followed_by_the_whole_state(studio):
     async def first():
-        async with studio.page() as page:
-            return page.hello, await page.state()
+        async with connected(studio.address, studio.session) as socket:
+            frames = [await socket.receive_json() for _ in range(2)]
+            studio.served.studio.changed()
+            return *frames, await received(socket, lambda frame: "state" in frame)
 
-    hello, state = studio.run(first())
+    hello, state, again = studio.run(first())
+    assert again == state
+    hello, state = hello["hello"], state["state"]
     assert Greeting.model_validate(hello).parents["head"] == "shoulder_center"
     assert ".glb" in hello["suffixes"]["character"]
     assert State.model_validate(state).characters == []
@@ -65,36 +68,46 @@ def test_a_page_whose_state_cannot_be_sent_is_disconnected_instead_of_showing_an
     assert studio.closed_with("/api", hello) == WSCloseCode.ABNORMAL_CLOSURE
 
 
+def asked(studio, request):
+    """Return the reply to a request."""
+
+    async def ask():
+        async with connected(studio.address, studio.session) as socket:
+            await socket.send_json(request)
+            return await received(socket, lambda frame: "id" in frame)
+
+    return studio.run(ask())
+
+
 @pytest.mark.parametrize(
-    ("request_", "where", "found"),
+    ("request_", "key"),
     [
-        ({}, "the request, do", "nothing"),
-        ({"do": ["ping"]}, "the request, do", "the unknown request ['ping']"),
-        ({"do": "__class__"}, "the request, do", "the unknown request '__class__'"),
-        ({"do": "ping", "path": "/etc"}, "the request, path", "the unknown key 'path'"),
-        ({"do": "puppet", "character": "../x"}, "the request, character", "'../x'"),
-        ({"do": "puppet", "character": "dog"}, "the request, character", "no character 'dog'"),
-        ({"do": "open_character", "upload": "x"}, "the request, upload", "no upload 'x'"),
-        ({"do": "open_example", "name": "cat"}, "the request, name", "the unknown name 'cat'"),
-        ({"do": "source"}, "the request", "no source"),
-        ({"do": "source", "uri": "osc:7110", "example": "walk"}, "the request", "uri and example"),
-        ({"do": "source", "uri": "replay:/etc/passwd"}, "the request, uri", "'replay:/etc/passwd'"),
-        ({"do": "source", "uri": "openni:file=/etc/passwd"}, "the request, uri", "'openni:file=/etc/passwd'"),
-        ({"do": "source", "uri": "fused:/etc/x.toml"}, "the request, uri", "'fused:/etc/x.toml'"),
-        ({"do": "source", "take": "nothing"}, "the request, take", "no take 'nothing'"),
-        ({"do": "cancel", "job": "x"}, "the request, job", "no running job 'x'"),
-        ({"do": "record_stop"}, "the service", "no character"),
+        ({}, "do"),
+        ({"do": ["ping"]}, "do"),
+        ({"do": "__class__"}, "do"),
+        ({"do": "ping", "path": "/etc"}, "path"),
+        ({"do": "puppet", "character": "../x"}, "character"),
+        ({"do": "puppet", "character": "dog"}, "character"),
+        ({"do": "open_character", "upload": "x"}, "upload"),
+        ({"do": "open_example", "name": "cat"}, "name"),
+        ({"do": "source"}, None),
+        ({"do": "source", "uri": "osc:7110", "example": "walk"}, None),
+        ({"do": "source", "uri": "replay:/etc/passwd"}, "uri"),
+        ({"do": "source", "uri": "openni:file=/etc/passwd"}, "uri"),
+        ({"do": "source", "uri": "fused:/etc/x.toml"}, "uri"),
+        ({"do": "source", "take": "nothing"}, "take"),
+        ({"do": "cancel", "job": "x"}, "job"),
     ],
 )
-def test_a_request_that_cannot_be_carried_out_is_explained(studio, request_, where, found):
-    async def ask():
-        async with studio.page() as page:
-            return await page.send({"id": 7, **request_})
-
-    reply = studio.run(ask())
+def test_a_request_that_cannot_be_carried_out_is_explained(studio, request_, key):
+    reply = asked(studio, {"id": 7, **request_})
     assert reply["ok"] is False
-    assert (reply["error"]["where"], reply["error"]["found"]) == (where, found)
-    assert reply["error"]["fix"]
+    assert reply["error"]["where"] == "the request" + (f", {key}" if key else "")
+    assert all(reply["error"].values())
+
+
+def test_a_recording_needs_a_character(studio):
+    assert studio.error("record_stop")["found"] == "no character"
 
 
 def test_every_request_is_carried_out_by_something(studio):
@@ -103,10 +116,13 @@ def test_every_request_is_carried_out_by_something(studio):
     assert all("Result" in str(each.__doc__) for each in REQUESTS.values())
 
 
+def test_a_request_is_answered_with_its_number(studio):
+    assert asked(studio, {"id": 3, "do": "ping"}) == {"id": 3, "ok": True, "result": "pong"}
+
+
 def test_many_frames_that_are_no_requests_and_one_that_is_too_large_end_the_connection(studio):
     hello = json.dumps({"token": studio.session})
     wrong = itertools.cycle(["?", b"\0\1", "[]", '{"do": "ping"}', '{"id": "x"}', '{"id": true}', "[" * 100_000])
     frames = itertools.islice(wrong, MAX_MISTAKES)
     assert studio.closed_with("/api", hello, *frames) == CloseCode.NOT_UNDERSTOOD
-    assert studio.result("ping") == "pong"
     assert studio.closed_with("/api", hello, "x" * 2_000_000) == aiohttp.WSCloseCode.MESSAGE_TOO_BIG

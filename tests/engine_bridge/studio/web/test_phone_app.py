@@ -46,7 +46,7 @@ def test_the_page_of_a_code_plays_and_saves_its_film_and_nothing_else_can_be_rea
     known, unknown, form, typed, wrong, film, *others = replies(
         make_phone_app(kiosk),
         *(f"/{CODE}", "/ABCDEF", "/", "/?code=k7m%202qx", "/?code=%22%3E%3Cb%3E", f"/{CODE}.mp4"),
-        *(f"/{CODE}.log", "/kiosk", "/screen", "/api", "/files/x", "/..%2fkiosk.toml"),
+        *(f"/{CODE}.log", f"/..%2f{CODE}.mp4", "/kiosk", "/screen", "/api", "/files/x", "/..%2fkiosk.toml"),
     )
     assert (known[0], unknown[0], form[0], typed[0], wrong[0]) == (200, 404, 200, 303, 200)
     video = f'<video src="/{CODE}.mp4" poster="/{CODE}.jpg"'

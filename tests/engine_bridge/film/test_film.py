@@ -1,5 +1,6 @@
 """Films of scene files: frames, sound in step with the picture, parts, drafts, and files that are whole or absent."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -135,6 +136,19 @@ def test_a_character_is_drawn_where_its_take_has_it_with_its_mouth_open_when_it_
     expected = np.linalg.norm(own_targets.displacements(actor.prepared.character, "jaw"), axis=1)
     assert_allclose(moved, expected, atol=0.05 * expected.max())
     assert_array_equal(shown[2], shown[0])
+
+
+def test_an_interrupt_leaves_no_file(write_scene, tmp_path):
+    calls = itertools.count()
+
+    def stop(step, _share):
+        if step == "Filming" and next(calls) == 5:
+            raise KeyboardInterrupt
+
+    path = write_scene(SCENE)
+    with pytest.raises(KeyboardInterrupt):
+        make_video(path, tmp_path / "film.mp4", 0, None, False, stop)
+    assert {each.name for each in tmp_path.iterdir()} == {"scene.toml"}
 
 
 def test_without_a_graphics_library_the_message_says_what_to_install(write_scene, tmp_path, monkeypatch):

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from puppetline.examples.performances import PERFORMANCES
 
 from capture.formats import read_log
 from capture.gestures import HandsUp
 from capture.skeleton import JOINT_INDEX, JOINTS, LOST
 from puppetline.errors import PuppetlineError
-from puppetline.examples.performances import PERFORMANCES
 
 from ..recordings import tracked_frame
 

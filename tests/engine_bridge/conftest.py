@@ -9,7 +9,9 @@ import pygltflib as gltf
 import pytest
 
 from capture.skeleton import JOINT_INDEX, JOINTS, LOST, SkeletonFrame
+from engine_bridge.performance.clip import load_timeline, perform
 from engine_bridge.performance.prepared_character import load_prepared
+from engine_bridge.performance.settings import Settings
 
 from .. import recordings
 
@@ -218,7 +220,10 @@ class Glb:
         arrays = {"POSITION": positions if positions.dtype.kind == "u" else np.float32(positions), **attributes}
         return gltf.Primitive(
             attributes=gltf.Attributes(
-                **{key: self.add(array, normalized=array.dtype.kind in "iu") for key, array in arrays.items()}
+                **{
+                    key: self.add(array, normalized=array.dtype.kind in "iu" and key != "JOINTS_0")
+                    for key, array in arrays.items()
+                }
             ),
             indices=None if indices is None else self.add(self._indices(indices), gltf.ELEMENT_ARRAY_BUFFER),
             mode=mode,
@@ -368,6 +373,17 @@ def limbed_puppet(blob_file, write_puppet):
 def limbed_figure(limbed_puppet):
     """The same, with its mesh and reduced model."""
     return load_prepared(limbed_puppet)
+
+
+@pytest.fixture(scope="session")
+def clip_of(take):
+    """Perform a recording with a puppet file, as `convert` does; return the clip."""
+
+    def make(puppet, log=take):
+        timeline, notes = load_timeline(log, Settings())
+        return perform(load_prepared(puppet), timeline, Settings(), notes, lambda *_: None)
+
+    return make
 
 
 @pytest.fixture

@@ -4,11 +4,11 @@ from itertools import cycle, product
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from puppetline.examples.performances import PERFORMANCES, clean
 
 from capture.fusion.alignment import align
 from capture.skeleton import mirrored
 from puppetline.errors import SkeletonLogError
-from puppetline.examples.performances import PERFORMANCES, clean
 
 from .virtual_sensors import BEHIND, BESIDE, HERE, KUNG_FU, TURN, WALK, VirtualSensor, part
 

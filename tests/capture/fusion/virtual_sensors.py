@@ -3,13 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
+from puppetline.examples.performances import clean
 from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from capture.clip import SkeletonClip
 from capture.sensor_pose import SensorPose
 from capture.skeleton import INFERRED, JOINT_INDEX, OPPOSITE, TRACKED
-from puppetline.examples.performances import clean
 
 LEFT, RIGHT = JOINT_INDEX["shoulder_left"], JOINT_INDEX["shoulder_right"]
 HIP_LEFT, HIP_RIGHT = JOINT_INDEX["hip_left"], JOINT_INDEX["hip_right"]

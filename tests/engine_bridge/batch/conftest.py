@@ -7,7 +7,7 @@ import pytest
 from click.testing import CliRunner
 
 from engine_bridge.batch import conversion
-from engine_bridge.batch.store import OWN_FOLDER
+from engine_bridge.batch.store import OWN_FOLDER, PARTIAL_FOLDER
 from engine_bridge.cli.main import main
 from engine_bridge.export.convert import convert
 from engine_bridge.performance.settings import Settings
@@ -94,6 +94,11 @@ def batch(print_batch):
         return json.loads(done.stdout) if done.stdout else done.stderr
 
     return start
+
+
+def partial(folder):
+    """Files of a batch that are not complete."""
+    return list((folder / OWN_FOLDER / PARTIAL_FOLDER).iterdir())
 
 
 def results(folder):

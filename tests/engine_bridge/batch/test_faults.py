@@ -15,10 +15,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from engine_bridge.batch.identity import FileState
-from engine_bridge.batch.store import OWN_FOLDER, PARTIAL_FOLDER, Store
+from engine_bridge.batch.store import Store
 
 from ...waiting import wait_until
-from .conftest import results
+from .conftest import partial, results
 
 TIMEOUT_SECONDS = 600.0
 """Time after which a test fails, in seconds: workers load Python anew."""
@@ -77,10 +77,6 @@ def assert_finished(batch, logs, puppets, walks, tmp_path):
         assert {row["output"]: row["bytes"] for row in rows} == {name: len(content) for name, content in walks.items()}
 
     return check
-
-
-def partial(folder):
-    return list((folder / OWN_FOLDER / PARTIAL_FOLDER).iterdir())
 
 
 @pytest.mark.slow

@@ -7,7 +7,9 @@ from engine_bridge.batch import manifest
 from engine_bridge.batch.identity import FileState
 from engine_bridge.batch.row import Row
 from engine_bridge.batch.store import Job, Record, Store
-from puppetline.errors import PuppetlineError
+from puppetline.errors import OutputError
+
+from ..refusals import refused
 
 DONE = Row("done", "p/a.glb", "/a.log", "/p.toml", "own", 4, "morph", frames=9, seconds=0.3, notes=("One.", "Two."))
 FAILED = Row("failed", "", "/b,\n.log", "/p.toml", None, None, "morph", reason="nothing", message='It said "no".')
@@ -19,10 +21,9 @@ def test_parquet_has_a_typed_column_per_field_so_that_parts_can_be_joined(tmp_pa
     table = pq.read_table(path)
     assert table.column_names == list(manifest.COLUMNS)
     assert [Row(**row | {"notes": tuple(row["notes"])}) for row in table.to_pylist()] == [DONE, FAILED]
-    types = {name: str(table.schema.field(name).type) for name in ("state", "user", "seconds", "notes", "error")}
-    assert types["state"] == "string"
-    assert (types["user"], types["seconds"], types["error"]) == ("int64", "double", "double")
-    assert types["notes"].startswith("list<")
+    types = [str(table.schema.field(name).type) for name in ("state", "user", "seconds", "error", "notes")]
+    assert types[:4] == ["string", "int64", "double", "double"]
+    assert types[4].startswith("list<")
     manifest.write_manifest(tmp_path / "1.parquet", [])
     manifest.write_manifest(tmp_path / "2.parquet", [FAILED])  # with columns that are empty
     assert pq.read_table(tmp_path).column("output").to_pylist() == ["", "p/a.glb", ""]
@@ -38,16 +39,14 @@ def test_csv_has_a_line_per_result_and_notes_as_one_text(tmp_path):
 
 @pytest.mark.parametrize("name", ["m.xlsx", "m", "gone/m.csv"])
 def test_a_manifest_that_cannot_be_written_is_refused_before_the_work(tmp_path, name):
-    with pytest.raises(PuppetlineError):
-        manifest.check_manifest(tmp_path / name)
+    refused(OutputError, manifest.check_manifest, tmp_path / name)
 
 
 def test_without_pyarrow_parquet_names_the_extra_and_csv_works(tmp_path, monkeypatch):
     monkeypatch.setattr("engine_bridge.batch.manifest.find_spec", lambda _: None)
     manifest.check_manifest(tmp_path / "m.csv")
-    with pytest.raises(PuppetlineError) as error:
-        manifest.check_manifest(tmp_path / "m.parquet")
-    assert "pip install 'puppetline[batch]'" in error.value.fix
+    error = refused(OutputError, manifest.check_manifest, tmp_path / "m.parquet")
+    assert "pip install 'puppetline[batch]'" in error.fix
 
 
 def test_records_that_another_batch_writes_meanwhile_are_included(tmp_path, monkeypatch):
@@ -68,6 +67,6 @@ def test_records_that_another_batch_writes_meanwhile_are_included(tmp_path, monk
         add("p/first")
         monkeypatch.setattr(manifest, "write_manifest", write_slowly)
         rows = manifest.write_whole_manifest(tmp_path / "m.csv", store)
-    assert [row.output for row in rows] == ["p/first.glb", "p/other.glb"]
     with (tmp_path / "m.csv").open(newline="", encoding="utf-8") as file:
-        assert [row["output"] for row in csv.DictReader(file)] == ["p/first.glb", "p/other.glb"]
+        written = [row["output"] for row in csv.DictReader(file)]
+    assert written == [row.output for row in rows] == ["p/first.glb", "p/other.glb"]

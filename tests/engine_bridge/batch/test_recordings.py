@@ -6,6 +6,7 @@ from capture.formats.options import ReadOptions
 from engine_bridge.batch.recordings import find_recordings
 from puppetline.errors import SkeletonLogError
 
+from ..refusals import refused
 from .conftest import NAMES
 
 
@@ -32,8 +33,7 @@ def test_text_in_a_folder_is_a_recording_if_its_columns_are_named(find, tmp_path
     table = tmp_path / "logs" / "a.csv"
     table.write_text("one,two,three\n" + "0.1,0.2,0.3\n" * 9)
     assert find(tmp_path / "logs", columns=tmp_path / "columns.toml") == ({"a": table}, [])
-    with pytest.raises(SkeletonLogError):
-        find(tmp_path / "logs")
+    refused(SkeletonLogError, find, tmp_path / "logs")
 
 
 def test_a_pattern_names_its_files_from_the_folder_in_front_of_the_first_wildcard(find, logs):
@@ -52,12 +52,8 @@ def test_a_file_has_its_own_name_and_is_used_whatever_it_contains(find, logs):
 def test_a_list_has_an_argument_per_line_and_comments(find, logs, tmp_path):
     (tmp_path / "list.txt").write_text(f"# mine\n\n{logs}/b.log\n{logs}/day 1\ngone.log\n")
     found, _ = find("@list.txt")
-    assert found == {
-        "a": logs / "day 1/a.log",
-        "b": logs / "b.log",
-        "gone": tmp_path / "gone.log",
-        "é": logs / "day 1/é.log",
-    }
+    there = {"a": "day 1/a.log", "b": "b.log", "é": "day 1/é.log"}
+    assert found == {name: logs / path for name, path in there.items()} | {"gone": tmp_path / "gone.log"}
 
 
 def test_a_recording_that_is_given_twice_is_used_once_under_its_first_name(find, logs):
@@ -94,6 +90,5 @@ def test_arguments_without_a_recording_or_with_two_of_one_name_are_errors(find, 
         (tmp_path / folder).mkdir()
     for name in ("a", "b"):
         (tmp_path / "texts" / f"{name}.txt").write_text("Dear diary\n")
-    with pytest.raises(SkeletonLogError) as error:
-        find(*(each.replace("LOGS", str(logs)) for each in arguments))
-    assert error.value.found == found.replace("LOGS", str(logs))
+    error = refused(SkeletonLogError, find, *(each.replace("LOGS", str(logs)) for each in arguments))
+    assert error.found == found.replace("LOGS", str(logs))

@@ -13,6 +13,7 @@ from engine_bridge.batch.workers import convert_in_processes
 from engine_bridge.performance.settings import Settings
 from puppetline.errors import PuppetError, PuppetlineError
 
+from ..refusals import refused
 from .conftest import results
 
 
@@ -20,9 +21,8 @@ from .conftest import results
 def prepared(logs, puppets, tmp_path):
     """A plan for all recordings with one puppet, and its settings."""
     batch = BatchSettings(tmp_path / "out", new_run(), Settings(), "longest")
-    return make_plan(
-        make_jobs(find_recordings([str(logs)], batch.folder, batch.settings.log).found, puppets[:1], batch, None), batch
-    ), batch
+    found = find_recordings([str(logs)], batch.folder, batch.settings.log).found
+    return make_plan(make_jobs(found, puppets[:1], batch, None), batch), batch
 
 
 def test_results_of_workers_are_those_of_convert(logs, puppets, converted, batch, tmp_path):
@@ -62,17 +62,17 @@ def test_a_recording_that_always_kills_its_worker_fails_and_those_whose_worker_i
     assert results(tmp_path / "out") == {name: each for name, each in walks.items() if name != "walks/b.glb"}
 
 
+def converted_by_worker(job, batch):
+    return list(convert_in_processes([job], batch, 1, lambda: None))
+
+
 def test_workers_that_cannot_start_end_the_batch_with_a_message(prepared, in_workers):
     plan, batch = prepared
     in_workers("    os._exit(3)\n")
-    with pytest.raises(PuppetlineError) as error:
-        list(convert_in_processes(plan.waiting[:1], batch, 1, lambda: None))
-    assert error.value.where == "the workers"
+    assert refused(PuppetlineError, converted_by_worker, plan.waiting[0], batch).where == "the workers"
 
 
 def test_an_error_that_is_not_about_a_recording_is_that_of_the_worker(prepared):
     plan, batch = prepared
     job = replace(plan.waiting[0], identity="of another version")
-    with pytest.raises(PuppetError) as error:
-        list(convert_in_processes([job], batch, 1, lambda: None))
-    assert error.value.where == str(job.puppet)
+    assert refused(PuppetError, converted_by_worker, job, batch).where == str(job.puppet)

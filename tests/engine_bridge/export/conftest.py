@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
 
-import igl
 import numpy as np
 import pygltflib as gltf
 import pytest
@@ -101,14 +100,15 @@ def transform(place=(0, 0, 0), turn=(0, 0, 0), scale=(1, 1, 1)):
     return matrix
 
 
-def local(points, normals, to_world):
-    """Convert world coordinates to a node's space."""
-    back = np.linalg.inv(to_world)
-    turned = normals @ to_world[:3, :3]
-    return (
-        (points @ back[:3, :3].T + back[:3, 3]).astype(np.float32),
-        (turned / np.linalg.norm(turned, axis=1, keepdims=True)).astype(np.float32),
-    )
+def unit(vectors):
+    """Return unit vectors (…, 3)."""
+    return (vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)).astype(np.float32)
+
+
+def moved(points, matrices):
+    """Return points (n, 3) where a (4, 4) matrix, or one each, takes them."""
+    matrices = np.broadcast_to(matrices, (len(points), 4, 4))
+    return np.einsum("nab,nb->na", matrices[:, :3, :3], points) + matrices[:, :3, 3]
 
 
 def node_transforms(glb, shape):
@@ -118,20 +118,21 @@ def node_transforms(glb, shape):
     above = glb.node(translation=[0.5, -1.0, 2.0], rotation=turn, name="above")
     mirror, matrix = transform(scale=[-1, 2, 0.5]), transform([0.0, 0.3, 0.1], [0, 0, 70], [3, 3, 3])
     height = shape.vertices[shape.faces].mean(axis=1)[:, 1]
-    shown = []
+    shown, nodes = [], []
     for chosen, to_world, where in (
         (height > 0.9, to_above @ mirror, {"parent": above, "scale": [-1, 2, 0.5]}),
         (height <= -0.3, matrix, {"matrix": matrix.T.ravel().tolist()}),
         ((height > -0.3) & (height <= 0.9), np.eye(4), {}),
     ):
         used, faces = part_of(shape, chosen)
-        points, normals = local(shape.vertices[used], shape.normals[used], to_world)
+        points = np.float32(moved(shape.vertices[used], np.linalg.inv(to_world)))
+        normals = unit(shape.normals[used] @ to_world[:3, :3])
         faces = faces if np.linalg.det(to_world) > 0 else faces[:, ::-1]
-        mesh = glb.mesh(glb.primitive(points, faces, NORMAL=normals))
-        shown.append((points.astype(np.float64) @ to_world[:3, :3].T + to_world[:3, 3], where, mesh))
-    for _, where, mesh in shown:
+        nodes.append((glb.mesh(glb.primitive(points, faces, NORMAL=normals)), where))
+        shown.append(moved(points, to_world))
+    for mesh, where in nodes:
         glb.node(mesh, **where)
-    return [points for points, _, _ in shown]
+    return shown
 
 
 def shared_mesh(glb, shape):
@@ -147,43 +148,30 @@ def shared_mesh(glb, shape):
 
 def own_targets(glb, shape):
     """Two targets in the file; the figure has the first one at a weight of a quarter."""
-    smile = (shape.vertices * [0.0, 0.1, 0.2]).astype(np.float32)
-    frown = np.roll(smile, 1, axis=1)
-    still = np.zeros_like(smile)
-    before = (shape.vertices - np.float32(0.25) * smile).astype(np.float32)
-    mesh = glb.mesh(
-        glb.primitive(
-            before,
-            shape.faces,
-            NORMAL=shape.normals,
-            targets=[{"POSITION": smile, "NORMAL": still}, {"POSITION": frown, "NORMAL": still}],
-        ),
-        weights=[0.25, 0.0],
-        extras={"targetNames": ["smile", "frown"], "author": "test"},
-    )
-    glb.node(mesh)
+    smile = np.float32(shape.vertices * [0.0, 0.1, 0.2])
+    before = shape.vertices - np.float32(0.25) * smile
+    targets = [{"POSITION": each, "NORMAL": 0 * each} for each in (smile, np.roll(smile, 1, axis=1))]
+    primitive = glb.primitive(before, shape.faces, NORMAL=shape.normals, targets=targets)
+    glb.node(glb.mesh(primitive, weights=[0.25, 0.0], extras={"targetNames": ["smile", "frown"], "author": "test"}))
     return [before + 0.25 * smile.astype(np.float64)]
 
 
 def skinned(glb, shape):
     """Two bones that are bent from the bind pose and blended at the waist; the mesh's node is elsewhere."""
     lower, upper = transform([0.2, -0.1, 0.4]), transform([0.1, 0.3, 0.0], [20, -35, 50], [1.5] * 3)
-    share = np.clip(shape.vertices[:, 1] / 0.6, 0, 1).astype(np.float32)
-    share = np.column_stack([1 - share, share, np.zeros((len(share), 2), np.float32)])
-    blend = np.einsum("nj,jab->nab", share[:, :2].astype(np.float64), [lower, lower @ upper])
-    back = np.linalg.inv(blend)
-    bound = (np.einsum("nab,nb->na", back[:, :3, :3], shape.vertices) + back[:, :3, 3]).astype(np.float32)
-    normals = np.einsum("nba,nb->na", blend[:, :3, :3], shape.normals)
-    normals = (normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32)
+    share = np.clip(shape.vertices[:, 1] / 0.6, 0, 1)
+    weights = np.pad(np.float32([1 - share, share]).T, [(0, 0), (0, 2)])
+    blend = np.einsum("nj,jab->nab", weights[:, :2], [lower, lower @ upper])
+    bound = np.float32(moved(shape.vertices, np.linalg.inv(blend)))
+    normals = unit(np.einsum("nba,nb->na", blend[:, :3, :3], shape.normals))
     hip = glb.node(matrix=lower.T.ravel().tolist(), name="hip")
     chest = glb.node(parent=hip, matrix=upper.T.ravel().tolist(), name="chest")
-    identity = np.tile(np.eye(4, dtype=np.float32).reshape(1, 16), (2, 1))
-    glb.file.skins = [gltf.Skin(joints=[hip, chest], inverseBindMatrices=glb.add(identity, None), name="bones")]
-    joints = (np.array([0, 1, 0, 0]) * (share > 0)).astype(np.uint8)
-    primitive = glb.primitive(bound, shape.faces, NORMAL=normals)
-    primitive.attributes.JOINTS_0, primitive.attributes.WEIGHTS_0 = glb.add(joints), glb.add(share)
+    identity = glb.add(np.float32([np.eye(4)] * 2), None)
+    glb.file.skins = [gltf.Skin(joints=[hip, chest], inverseBindMatrices=identity, name="bones")]
+    joints = np.uint8([0, 1, 0, 0] * (weights > 0))
+    primitive = glb.primitive(bound, shape.faces, NORMAL=normals, JOINTS_0=joints, WEIGHTS_0=weights)
     glb.node(glb.mesh(primitive), skin=0, name="elsewhere")
-    return [np.einsum("nab,nb->na", blend[:, :3, :3], bound) + blend[:, :3, 3]]
+    return [moved(bound, blend)]
 
 
 def quantized(glb, shape):
@@ -200,22 +188,14 @@ def strips_and_fans(glb, shape):
     """The triangles around one vertex as a fan, and all others as a strip with degenerate triangles in between."""
     hub = int(shape.faces[0, 0])
     around = (shape.faces == hub).any(axis=1)
-    follow = {}
-    for face in shape.faces[around]:
-        at = int(np.flatnonzero(face == hub)[0])
-        follow[int(face[at - 2])] = int(face[at - 1])
+    follow = dict(np.roll(face, -face.tolist().index(hub))[1:].tolist() for face in shape.faces[around])
     ring = [next(iter(follow))]
     while len(ring) <= len(follow):
         ring.append(follow[ring[-1]])
     fan = np.array([hub, *ring], dtype=np.uint16)
     strip = shape.faces[~around][:, [0, 0, 0, 1, 2, 2]].astype(np.uint16)
-    more = {"NORMAL": shape.normals}
-    glb.node(
-        glb.mesh(
-            glb.primitive(shape.vertices, strip, mode=gltf.TRIANGLE_STRIP, **more),
-            glb.primitive(shape.vertices, fan, mode=gltf.TRIANGLE_FAN, **more),
-        )
-    )
+    modes = (strip, gltf.TRIANGLE_STRIP), (fan, gltf.TRIANGLE_FAN)
+    glb.node(glb.mesh(*(glb.primitive(shape.vertices, order, mode, NORMAL=shape.normals) for order, mode in modes)))
     return [shape.vertices, shape.vertices]
 
 
@@ -292,24 +272,30 @@ EXPORTS = [
 
 
 @pytest.fixture(scope="session")
-def exported(variants, take, write_puppet, request, tmp_path_factory):
-    """Convert a character; real ones are moved by handles at their six outermost points."""
-    folder = tmp_path_factory.mktemp("exported")
+def export_of(variants, write_puppet, request):
+    """Convert a variant, or a real character, which is moved by handles at its six outermost points."""
 
-    @cache
-    def make(name, form):
-        if name in REAL:
+    def make(folder, log, name, form, **options):
+        variant = variants.get(name)
+        if variant is None:
             path = request.getfixturevalue("real_data") / "mesh" / "gltf" / f"{name}.glb"
             character = load_character(path)
             variant = Variant(name, path, [part.vertices for part in character.parts])
-            options = {"handles": outermost_handles(character.vertices), "more": "[solver]\nfields = 5\nisolines = 6\n"}
-        else:
-            variant, options = variants[name], {"root": form != "still"}
+            scale = np.linalg.norm(np.ptp(character.vertices, axis=0)) / 4
+            more = f"[retarget]\nscale = {scale}\n\n[solver]\nfields = 5\nisolines = 6\n"
+            options = {"handles": outermost_handles(character.vertices), "more": more}
         puppet = write_puppet(folder / f"{variant.path.stem}_{form}.toml", variant.path, **options)
         settings = Settings(form="morph" if form == "still" else form)
-        return Export(variant, form, *convert(take, puppet, puppet.with_suffix(".glb"), settings))
+        return Export(variant, form, *convert(log, puppet, puppet.with_suffix(".glb"), settings))
 
     return make
+
+
+@pytest.fixture(scope="session")
+def exported(export_of, take, tmp_path_factory):
+    """Convert a character, once for all tests."""
+    folder = tmp_path_factory.mktemp("exported")
+    return cache(lambda name, form: export_of(folder, take, name, form, root=form != "still"))
 
 
 @pytest.fixture(params=EXPORTS, ids=" as ".join)
@@ -352,12 +338,6 @@ def posed(document, time):
             value = np.array([np.interp(at, keyed, column) for column in values.reshape(len(keyed), -1).T])
         shown.gltf["nodes"][channel["target"]["node"]][path] = value.tolist()
     return shown
-
-
-def normal_angles(seen, frames, mesh):
-    """Return angles (F, N), in degrees, between normals and those of the moved surface."""
-    true = np.array([igl.per_vertex_normals(frame, mesh.faces)[mesh.of_render] for frame in frames])
-    return np.degrees(np.arccos(np.clip(np.einsum("fvc,fvc->fv", seen, true), -1, 1)))
 
 
 def outermost_handles(vertices):

@@ -8,6 +8,7 @@ from engine_bridge.character.character import from_document
 from engine_bridge.character.document_reader import load_document
 from engine_bridge.character.evaluation import Evaluation
 
+from ..character.conftest import CORNERS, SIDES
 from .conftest import add_animation, posed
 
 
@@ -29,13 +30,10 @@ def test_every_export_is_at_any_time_where_its_posed_nodes_have_it(export):
         ("CUBICSPLINE", [[0, 0, 0], [1, 0, 0], [2, 0, 0], [4, 0, 0], [3, 0, 0], [0, 0, 0]], [1, 1.5, 3]),
     ],
 )
-def test_keys_are_interpolated_as_the_file_says(glb, blob, tmp_path, interpolation, values, expected):
-    node = glb.show(blob.vertices, blob.faces)
+def test_keys_are_interpolated_as_the_file_says(glb, tmp_path, interpolation, values, expected):
+    node = glb.show(CORNERS, SIDES)
     add_animation(glb, "moves", node, "translation", [1, 3], values)
     glb.file.animations[0].samplers[0].interpolation = interpolation
     document = load_document(glb.save(tmp_path / "moving.glb"))
-    parts = from_document(document).parts
-    moved = [
-        found[:, 0] - blob.vertices[:, 0] for found in Evaluation(document, parts).positions(np.array([0, 1.5, 4]))
-    ]
-    assert_allclose(np.array(moved), np.broadcast_to(np.array(expected)[:, None], np.shape(moved)), atol=1e-6)
+    found = Evaluation(document, from_document(document).parts).positions(np.array([0, 1.5, 4]))
+    assert_allclose([*found], [CORNERS + np.array([x, 0, 0]) for x in expected], atol=1e-6)

@@ -68,6 +68,18 @@ def directions(baked):
     return kept.reshape(-1, *baked.prepared.model.rest_controls.shape).astype(np.float64)
 
 
+@pytest.fixture
+def of_shape(glb, write_puppet, tmp_path):
+    """Prepare a puppet of a surface."""
+
+    def make(vertices, faces):
+        glb.show(vertices, faces)
+        mesh = glb.save(tmp_path / "other.glb")
+        return load_prepared(write_puppet(tmp_path / "other.toml", mesh.name))
+
+    return make
+
+
 @settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data(), reach=st.sampled_from([UNLIMITED_REACH, 1e9]))
 def test_poses_come_back_up_to_where_the_limit_begins_and_no_pose_takes_a_weight_out_of_its_range(
@@ -120,35 +132,23 @@ def test_float32_poses_and_those_that_do_not_lie_in_one_piece_are_the_same(basis
             basis.project(wrong)
 
 
-def plain(new_glb, folder, vertices, faces):
-    made = new_glb()
-    made.node(made.mesh(made.primitive(vertices, faces), name="blob"))
-    return made.save(folder / "other.glb")
-
-
-def test_the_same_surface_with_its_vertices_in_another_order_gets_the_same_weights(
-    baked, basis, blob, new_glb, write_puppet, tmp_path
-):
+def test_the_same_surface_with_its_vertices_in_another_order_gets_the_same_weights(baked, basis, blob, noise, of_shape):
     """A basis belongs to a shape, and fits any mesh of it on any computer."""
     order = np.random.default_rng(1).permutation(len(blob.vertices))
-    place = np.argsort(order)
-    mesh = plain(new_glb, tmp_path, blob.vertices[order], np.random.default_rng(2).permutation(place[blob.faces]))
-    prepared = load_prepared(write_puppet(tmp_path / "other.toml", mesh.name))
+    faces = np.random.default_rng(2).permutation(np.argsort(order)[blob.faces])
+    prepared = of_shape(blob.vertices[order], faces)
     assert not np.array_equal(prepared.model.isoline_coordinates, baked.prepared.model.isoline_coordinates)
-    R = baked.prepared.model.rest_controls + np.random.default_rng(6).normal(
-        scale=0.02, size=baked.prepared.model.rest_controls.shape
-    )
+    R = noise(0.02)
     other = LiveBasis.load(baked.path, prepared).project(R)
     assert_allclose(other.weights, basis.project(R).weights, rtol=1e-3, atol=1e-4)
 
 
 @pytest.mark.parametrize("change", [[1.0, 1.02, 1.0], [1.01, 1.01, 1.01], [-1.0, 1.0, 1.0]])
-def test_a_basis_for_another_mesh_is_refused(baked, blob, new_glb, write_puppet, tmp_path, change):
+def test_a_basis_for_another_mesh_is_refused(baked, blob, of_shape, change):
     """The mesh is 2 % taller, 1 % larger, or mirrored."""
     faces = blob.faces if np.prod(change) > 0 else blob.faces[:, ::-1]
-    mesh = plain(new_glb, tmp_path, (blob.vertices * np.float32(change)).astype(np.float32), faces)
     refused_place(
-        PuppetError, baked.path, LiveBasis.load, baked.path, load_prepared(write_puppet(tmp_path / "a.toml", mesh.name))
+        PuppetError, baked.path, LiveBasis.load, baked.path, of_shape(blob.vertices * np.float32(change), faces)
     )
 
 

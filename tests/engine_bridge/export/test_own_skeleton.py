@@ -31,10 +31,10 @@ def stiff(skinned, tmp_path):
     document = load_document(skinned)
     (primitive,), (skin,) = document.gltf["meshes"][0]["primitives"], document.gltf["skins"]
     names = [document.gltf["nodes"][joint]["name"] for joint in skin["joints"]]
-    joints = document.array(primitive["attributes"]["JOINTS_0"])
-    arm = [names.index(name) for name in ("leftUpperArm", "leftLowerArm", "leftHand")]
-    joints = np.where(np.isin(joints, arm), names.index("chest"), joints).astype(np.uint8)
-    document.replace(primitive["attributes"]["JOINTS_0"], joints)
+    follows = primitive["attributes"]["JOINTS_0"]
+    chest, *arm = (names.index(name) for name in ("chest", "leftUpperArm", "leftLowerArm", "leftHand"))
+    joints = document.array(follows)
+    document.replace(follows, np.where(np.isin(joints, arm), chest, joints).astype(np.uint8))
     document.save(tmp_path / "stiff.glb")
     return tmp_path / "stiff.glb"
 
@@ -51,26 +51,25 @@ def puppet_of(write_puppet, limb_tables):
     return write
 
 
-def test_a_skeleton_along_the_limbs_is_kept(skinned, puppet_of, take, tmp_path):
-    _, summary = convert(take, puppet_of(skinned), tmp_path / "kept.glb", Settings())
-    assert summary.rms is None
+def test_a_skeleton_along_the_limbs_is_kept_unless_somebody_wants_a_new_one(skinned, puppet_of, take, tmp_path):
+    _, kept = convert(take, puppet_of(skinned), tmp_path / "kept.glb", Settings())
+    assert kept.rms is None
     assert load_document(tmp_path / "kept.glb").gltf["skins"] == load_document(skinned).gltf["skins"]
-    assert 0.5 < summary.stretch_p1 < summary.stretch_p50 < summary.stretch_p99 < 2
+    assert 0.5 < kept.stretch_p1 < kept.stretch_p50 < kept.stretch_p99 < 2
+    _, new = convert(take, puppet_of(skinned), tmp_path / "new.glb", Settings(keep_skin=False))
+    assert new.rms < 0.01
+    assert not any("would not move" in note for note in new.notes)
 
 
-def test_a_new_skeleton_is_made_if_somebody_wants_one(skinned, puppet_of, take, tmp_path):
-    _, summary = convert(take, puppet_of(skinned), tmp_path / "new.glb", Settings(keep_skin=False))
-    assert summary.rms < 0.01
-    assert not any("would not move" in note for note in summary.notes)
-
-
-@pytest.mark.parametrize("by", [0.07, 0.1])
-def test_joints_beside_the_limbs_are_found(skinned, puppet_of, tmp_path, by):
+@pytest.mark.parametrize(
+    ("options", "unmoved"), [({"by": 0.07}, ()), ({"by": 0.1}, ()), ({"handles": True}, ("hump",))]
+)
+def test_joints_beside_the_limbs_are_found_and_handles_have_none(skinned, puppet_of, tmp_path, options, unmoved):
     """Limbs that are found from the shape do not begin exactly at joints."""
     mesh = tmp_path / "skinned.glb"
     mesh.write_bytes(skinned.read_bytes())
-    found = own_skeleton(load_prepared(puppet_of(mesh, by)))
-    assert (found.usable.missing, found.unmoved) == ((), ())
+    found = own_skeleton(load_prepared(puppet_of(mesh, **options)))
+    assert (found.usable is not None, found.bones.missing, found.unmoved) == (not unmoved, (), unmoved)
 
 
 def test_a_file_whose_skeleton_leaves_an_arm_still_gets_another_that_moves_it(stiff, puppet_of, take, tmp_path):
@@ -78,34 +77,28 @@ def test_a_file_whose_skeleton_leaves_an_arm_still_gets_another_that_moves_it(st
     assert own_skeleton(load_prepared(puppet)).unmoved == ("left arm",)
     clip, summary = convert(take, puppet, tmp_path / "moved.glb", Settings())
     assert [note for note in summary.notes if "would not move left arm" in note]
-    shown = Evaluation(load_document(tmp_path / "moved.glb"), clip.motion.prepared.character.parts)
+    prepared = clip.motion.prepared
+    shown = Evaluation(load_document(tmp_path / "moved.glb"), prepared.character.parts)
     found = np.array([*shown.positions(clip.motion.times)])
-    away = np.linalg.norm(found - solved(clip)[:, clip.motion.prepared.mesh.of_render], axis=2)
-    assert away.max() <= (summary.error + summary.tolerance) * clip.motion.prepared.mesh.diagonal
+    away = np.linalg.norm(found - solved(clip)[:, prepared.mesh.of_render], axis=2)
+    assert away.max() <= (summary.error + summary.tolerance) * prepared.mesh.diagonal
     rigged = write_rig(puppet, tmp_path / "rigged.glb", RigSettings())
     assert not rigged.kept
     assert [note for note in rigged.notes if "would not move left arm" in note]
 
 
-def test_a_file_with_a_joint_that_cannot_be_animated_gets_another_skeleton(skinned, puppet_of, take, tmp_path):
+def test_a_skeleton_with_a_joint_that_cannot_be_animated_moves_nothing(skinned, puppet_of, tmp_path):
     document = load_document(skinned)
     joint = next(node for node in document.gltf["nodes"] if node.get("name") == "leftLowerArm")
-    matrix = local_transform(joint)
-    matrix[0, 1] += 0.3
+    sheared = local_transform(joint) @ [[1, 0.3, 0, 0], *np.eye(4)[1:]]
     for name in ("translation", "rotation", "scale"):
         joint.pop(name, None)
-    joint["matrix"] = matrix.T.ravel().tolist()
+    joint["matrix"] = sheared.T.ravel().tolist()
     document.save(tmp_path / "sheared.glb")
-    _, summary = convert(take, puppet_of(tmp_path / "sheared.glb"), tmp_path / "made.glb", Settings())
-    assert [note for note in summary.notes if "it has a joint with a sheared matrix" in note]
-    assert summary.rms < 0.01
-
-
-def test_a_handle_gets_a_joint_in_a_new_skeleton(skinned, puppet_of, take, tmp_path):
-    _, summary = convert(take, puppet_of(skinned, handles=True), tmp_path / "handle.glb", Settings())
-    assert [note for note in summary.notes if "would not move hump" in note]
-    names = [node.get("name") for node in load_document(tmp_path / "handle.glb").gltf["nodes"]]
-    assert "hump" in names
+    prepared = load_prepared(puppet_of(tmp_path / "sheared.glb"))
+    found = own_skeleton(prepared)
+    assert (found.usable, len(found.unmoved)) == (None, len(prepared.puppet.limb))
+    assert "it has a joint with a sheared matrix" in found.notes[0]
 
 
 @pytest.mark.parametrize("name", ["wild/mesh/dr_CesiumMan", "mesh/gltf/kenney/character"])

@@ -1,19 +1,20 @@
 """Morph targets of the file that channels move, in all forms of an export and in films."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from capture.timeline import Timeline
 from engine_bridge.character import own_targets
 from engine_bridge.character.character import load_character
-from engine_bridge.character.document_reader import load_document
 from engine_bridge.export.convert import write
 from engine_bridge.performance.clip import load_timeline, perform
 from engine_bridge.performance.prepared_character import load_prepared
 from engine_bridge.performance.settings import Settings
 
 from ..character.conftest import CORNERS, SIDES
+from .conftest import Raw
 
 HALF = np.sqrt(0.5)
 
@@ -23,17 +24,15 @@ def test_a_target_follows_its_channel(talking, take, tmp_path, assert_valid_gltf
     settings = Settings(form=form)
     timeline, _ = load_timeline(take, settings)
     voice = np.clip(np.sin(np.arange(len(timeline.positions)) / 3), 0, 1).astype(np.float32)
-    timeline = Timeline(timeline.fps, timeline.positions, timeline.confidence, (), channels={"voice": voice})
+    timeline = replace(timeline, channels={"voice": voice})
     clip = perform(load_prepared(talking(limbs)), timeline, settings, (), lambda *_: None)
     write(clip, tmp_path / "out.glb", "clip", settings, lambda *_: None)
     assert_valid_gltf(tmp_path / "out.glb")
-    document = load_document(tmp_path / "out.glb", (tmp_path / "out.glb").read_bytes())
-    animation = document.gltf["animations"][0]
-    (channel,) = [each for each in animation["channels"] if each["target"]["path"] == "weights"]
-    sampler = animation["samplers"][channel["sampler"]]
-    times = document.array(sampler["input"])
-    weights = document.array(sampler["output"]).reshape(len(times), -1)[:, 0]
-    assert_allclose(np.interp(timeline.times, times, weights), voice, atol=1e-6)
+    made = Raw(tmp_path / "out.glb")
+    animation = made.file.animations[0]
+    (channel,) = [each for each in animation.channels if each.target.path == "weights"]
+    times = made.array(animation.samplers[channel.sampler].input)[:, 0]
+    assert_allclose(np.interp(timeline.times, times, made.weights(channel.target.node)[:, 0]), voice, atol=1e-6)
 
 
 def test_displacements_are_those_of_the_world(glb, tmp_path):

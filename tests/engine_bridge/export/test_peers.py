@@ -1,19 +1,15 @@
 """Exported files in Blender, Babylon.js, Godot and assimp, compared with the solver; three.js is in `test_exports`."""
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from engine_bridge.character.character import from_document, load_character
+from engine_bridge.character.character import from_document
 from engine_bridge.character.document_reader import load_document
-from engine_bridge.export.convert import convert, write
-from engine_bridge.performance.motion import SolvedMotion
-from engine_bridge.performance.settings import Settings
 
-from .conftest import Export, outermost_handles, posed
+from .conftest import posed
 
 pytestmark = pytest.mark.slow
 
@@ -59,23 +55,13 @@ def second(record, dance, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def file(variants, second, write_puppet, limb_tables, request, tmp_path_factory):
+def file(export_of, second, limb_tables, tmp_path_factory):
     """Export a character, once for all tests; synthetic ones have a root, and limbs for a rig."""
     folder = tmp_path_factory.mktemp("exported")
 
     @cache
     def make(name, form):
-        options = {"handles": limb_tables} if form == "rig" else {}
-        if name in REAL:
-            path = request.getfixturevalue("real_data") / "mesh" / "gltf" / f"{name}.glb"
-            vertices = load_character(path).vertices
-            scale = np.linalg.norm(np.ptp(vertices, axis=0)) / 4
-            more = f"[retarget]\nscale = {scale}\n\n[solver]\nfields = 5\nisolines = 6\n"
-            options = {"handles": outermost_handles(vertices), "more": more}
-        else:
-            path = variants[name].path
-        puppet = write_puppet(folder / f"{name}_{form}.toml", path, **options)
-        return Export(None, form, *convert(second, puppet, puppet.with_suffix(".glb"), Settings(form=form)))
+        return export_of(folder, second, name, form, **({"handles": limb_tables} if form == "rig" else {}))
 
     return make
 
@@ -129,38 +115,3 @@ def test_every_vertex_is_where_it_was_solved_to_be(program, form, name, file, pl
     assert moved[1:].min() > 0.005 * made.diagonal
     if program == "Blender":
         assert_plays_at_once(made, shown.report, form)
-
-
-@pytest.fixture(scope="module")
-def hour(file, tmp_path_factory):
-    """An hour at 30 frames per second, in which one second is played forwards and backwards in a loop."""
-    made = file("textured", "morph")
-    there_and_back = np.abs((np.arange(3600 * FPS + 1) + FRAMES - 1) % (2 * FRAMES - 2) - (FRAMES - 1))
-    motion, second = SolvedMotion(made.clip.motion.prepared, FPS), [made.clip.motion[k] for k in range(FRAMES)]
-    for number in there_and_back:
-        motion.append(second[number])
-    clip = replace(made.clip, motion=motion, positions=made.clip.positions[there_and_back])
-    output = tmp_path_factory.mktemp("hour") / "hour.glb"
-    return Export(None, "morph", clip, write(clip, output, "hour", Settings(), lambda *_: None))
-
-
-MERGED = 1e-5
-"""Relative difference of times below which Godot merges keyframes."""
-
-
-@pytest.mark.exhaustive
-@pytest.mark.parametrize("program", PROGRAMS)
-def test_an_hour_plays_to_its_end(program, player, request, players):
-    run, hour = player(program), request.getfixturevalue("hour")
-    shown = run(hour.path, 65)  # keyframes, and the middles between two, by turns
-    assert shown.times[-1] == pytest.approx(3600, abs=1e-3)
-    assert hour.summary.frames == 3600 * FPS + 1
-    expected = players.solved(hour.clip)(shown.times)
-    second = players.solved(hour.clip)(np.arange(FRAMES) / FPS)
-    step = max(np.linalg.norm(np.diff(positions, axis=0), axis=2).max() for positions in second.values())
-    late = np.spacing(np.float32(3600)) * FPS * step  # a file's clock is float32
-    if program == "Godot":  # merges keyframes nearer than its tolerance, and those nearer than twice that to a time
-        exact = shown.times < 0.5 / FPS / MERGED
-        shown = replace(shown, meshes={key: positions[exact] for key, positions in shown.meshes.items()})
-        expected = {key: positions[exact] for key, positions in expected.items()}
-    assert players.farthest(shown.meshes, expected) <= (hour.summary.error + ROUNDING) * hour.diagonal + late

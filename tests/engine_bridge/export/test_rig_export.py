@@ -1,5 +1,7 @@
 """Characters with rigs that are made: joints of handles, what hangs on a character, lines, and directions."""
 
+from itertools import product
+
 import numpy as np
 import pygltflib as gltf
 import pytest
@@ -34,9 +36,7 @@ def test_handles_become_joints_below_the_root(exported):
     names = [file.nodes[joint].name for joint in (skin.skeleton, *skin.joints)]
     assert names == ["skeleton", "root", "hand_left", "hand_right", "head", "foot_left", "foot_right"]
     moved = {(channel.target.node, channel.target.path) for channel in animation.channels}
-    assert moved == {(joint, path) for joint in handles for path in ("rotation", "translation")} | {
-        (root, "translation")
-    }
+    assert moved == {(root, "translation"), *product(handles, ("rotation", "translation"))}
 
 
 def test_lines_stand_on_the_skeleton_itself_where_their_node_is(variants, rigged, tmp_path):
@@ -59,11 +59,10 @@ def furnished(glb, blob, tmp_path):
 
     Each of them once by the node and once by a pointer.
     """
-    smile = (blob.vertices * [0.0, 0.1, 0.2]).astype(np.float32)
     above = glb.node(name="above", translation=[0, 0, 1])
-    tangents = np.column_stack([np.roll(blob.normals, 1, axis=1), np.ones(len(smile), np.float32)])
-    more = {"NORMAL": blob.normals, "TANGENT": tangents}
-    surface = glb.primitive(blob.vertices, blob.faces, targets=[{"POSITION": smile}], **more)
+    tangents = np.pad(np.roll(blob.normals, 1, axis=1), [(0, 0), (0, 1)], constant_values=1)
+    smile = [{"POSITION": np.float32(blob.vertices * [0.0, 0.1, 0.2])}]
+    surface = glb.primitive(blob.vertices, blob.faces, targets=smile, NORMAL=blob.normals, TANGENT=tangents)
     turn = Rotation.from_euler("y", 90, degrees=True).as_quat().tolist()
     body = glb.node(glb.mesh(surface, weights=[0.5]), above, name="body", rotation=turn, scale=[-2.0, 2.0, 2.0])
     hat = glb.node(parent=body, name="hat", translation=[0, 2, 0])
@@ -82,10 +81,10 @@ def test_a_node_comes_to_the_top_and_what_hangs_on_it_stays(furnished, rigged):
     handles = '[[handle]]\nname = "head"\nposition = [0.6, 4.2, 1.0]\njoint = "head"\n'
     made, summary = rigged(furnished, handles=handles)
     file = made.file
-    body = next(node for node in file.nodes if node.name == "body")
+    nodes = {node.name: node for node in file.nodes}
+    body, (place,) = nodes["body"], (file.nodes[child] for child in nodes["above"].children)
     assert (body.translation, body.rotation, body.scale, body.matrix, body.children) == (None, None, None, None, [])
     assert file.nodes.index(body) in file.scenes[0].nodes
-    (place,) = (file.nodes[child] for child in next(node for node in file.nodes if node.name == "above").children)
     assert (place.mesh, place.name, place.scale) == (None, None, [-2, 2, 2])
     assert [file.nodes[child].name for child in place.children] == ["hat"]
     assert [animation.name for animation in file.animations] == ["dance", "tip", "pointed tip", "grin", "pointed grin"]
@@ -99,13 +98,11 @@ def test_a_node_comes_to_the_top_and_what_hangs_on_it_stays(furnished, rigged):
 
 @pytest.mark.parametrize("scale", [[0, 0, 0], [-1, 1, 0]])
 def test_directions_that_are_scaled_to_nothing_point_up(scale, glb, blob, rigged, tmp_path):
-    along = {"NORMAL": [0, 0, 1], "TANGENT": [0, 0, 1, -1]}
-    towards_z = {name: np.tile(np.float32(value), (4, 1)) for name, value in along.items()}
+    towards_z = {"NORMAL": np.float32([[0, 0, 1]] * 4), "TANGENT": np.float32([[0, 0, 1, -1]] * 4)}
     glb.show(blob.vertices, blob.faces, NORMAL=blob.normals)
     glb.node(glb.mesh(glb.primitive(CORNERS, SIDES, **towards_z)), scale=scale, name="hidden")
     made, _ = rigged(glb.save(tmp_path / "hidden.glb"))
     hidden = next(node for node in made.file.nodes if node.name == "hidden")
     attributes = made.file.meshes[hidden.mesh].primitives[0].attributes
-    assert_array_equal(made.array(attributes.POSITION), CORNERS * np.float32(scale))
-    assert_array_equal(made.array(attributes.NORMAL), [[0, 1, 0]] * 4)
-    assert_array_equal(made.array(attributes.TANGENT), [[0, 1, 0, -1]] * 4)
+    shown = [made.array(getattr(attributes, name)) for name in ("POSITION", "NORMAL", "TANGENT")]
+    assert_array_equal(np.hstack(shown), np.hstack([CORNERS * np.float32(scale), [[0, 1, 0, 0, 1, 0, -1]] * 4]))

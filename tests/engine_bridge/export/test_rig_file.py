@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose, assert_array_equal, assert_equal
+from numpy.testing import assert_allclose, assert_array_equal
 
 from engine_bridge.character.character import from_document, load_character
 from engine_bridge.character.document_reader import load_document
@@ -43,18 +43,21 @@ def test_a_mesh_without_limbs_is_refused_with_what_to_do(new_glb, make_shape, tm
     assert not (tmp_path / "out.glb").exists()
 
 
+def attribute(document, name):
+    """An attribute of the only surface."""
+    return document.array(document.gltf["meshes"][0]["primitives"][0]["attributes"][name])
+
+
 def test_a_file_with_a_skin_keeps_it_unless_a_new_one_or_a_t_pose_is_asked_for(rigged, tmp_path):
     path, summary = rigged
     kept = write_rig(path, tmp_path / "kept.glb", RigSettings())
     assert (kept.kept, kept.joints, kept.rms) == (True, summary.joints, None)
     before, after = load_document(path), load_document(tmp_path / "kept.glb")
-    attributes = [document.gltf["meshes"][0]["primitives"][0]["attributes"] for document in (before, after)]
     for name in ("JOINTS_0", "WEIGHTS_0", "POSITION"):
-        assert_array_equal(before.array(attributes[0][name]), after.array(attributes[1][name]))
+        assert_array_equal(*(attribute(document, name) for document in (before, after)))
     for new in (RigSettings(keep_skin=False), RigSettings(pose="t")):
         made = write_rig(path, tmp_path / "new.glb", new)
-        assert not made.kept
-        assert made.rms is not None
+        assert (made.kept, made.rms is None) == (False, False)
 
 
 def test_joints_of_a_kept_skin_are_renamed_where_the_limbs_are(rigged, tmp_path):
@@ -79,8 +82,7 @@ def test_every_vertex_of_a_damaged_mesh_has_weights(blob, glb, limb_tables, writ
     glb.save(tmp_path / "damaged.glb")
     puppet = write_puppet(tmp_path / "damaged.toml", "damaged.glb", handles=limb_tables)
     write_rig(puppet, tmp_path / "out.glb", RigSettings())
-    document = load_document(tmp_path / "out.glb")
-    weights = document.array(document.gltf["meshes"][0]["primitives"][0]["attributes"]["WEIGHTS_0"])
+    weights = attribute(load_document(tmp_path / "out.glb"), "WEIGHTS_0")
     assert len(weights) == len(vertices)
     assert_allclose(weights.sum(axis=1), 1, atol=1e-6)
     assert_allclose(load_character(tmp_path / "out.glb").vertices, vertices, atol=1e-5)
@@ -88,10 +90,10 @@ def test_every_vertex_of_a_damaged_mesh_has_weights(blob, glb, limb_tables, writ
 
 def test_a_new_skin_replaces_the_files_own_and_keeps_its_morph_targets(blob, glb, limb_tables, write_puppet, tmp_path):
     """The file's skin has one joint, which has turned the mesh by 90° since it was bound."""
-    smile = (blob.vertices * [0.0, 0.1, 0.2]).astype(np.float32)
-    bound = np.tile(np.float32([1, 0, 0, 0]), (len(blob.vertices), 1))
     turned_back = blob.vertices @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])
-    more = {"JOINTS_0": np.zeros(bound.shape, dtype=np.uint8), "WEIGHTS_0": bound, "targets": [{"POSITION": smile}]}
+    bound = np.tile([1, 0, 0, 0], (len(turned_back), 1))
+    more = {"JOINTS_0": np.uint8(0 * bound), "WEIGHTS_0": np.float32(bound)}
+    more["targets"] = [{"POSITION": np.float32(blob.vertices * [0.0, 0.1, 0.2])}]
     joint = glb.node(name="joint", rotation=[0.0, 0.0, -np.sqrt(0.5), np.sqrt(0.5)])
     glb.node(glb.mesh(glb.primitive(turned_back, blob.faces, **more), weights=[0.0]), skin=0)
     glb.file.skins.append({"joints": [joint]})
@@ -100,10 +102,9 @@ def test_a_new_skin_replaces_the_files_own_and_keeps_its_morph_targets(blob, glb
     summary = write_rig(puppet, tmp_path / "out.glb", RigSettings(keep_skin=False))
     assert "The character's own skeleton is replaced." in summary.notes
     for weight in (0.0, 1.0):
-        shown = []
-        for file in (path, tmp_path / "out.glb"):
-            document = load_document(file)
+        before, after = load_document(path), load_document(tmp_path / "out.glb")
+        for document in (before, after):
             document.gltf["meshes"][0]["weights"] = [weight]
-            shown.append(from_document(document).vertices)
-        assert_allclose(shown[1], shown[0], atol=1e-5)
-        assert_equal(np.abs(shown[0] - blob.vertices).max() < 1e-5, weight == 0)
+        shown = from_document(before).vertices
+        assert_allclose(from_document(after).vertices, shown, atol=1e-5)
+        assert (np.abs(shown - blob.vertices).max() < 1e-5) == (weight == 0)

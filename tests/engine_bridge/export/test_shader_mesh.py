@@ -31,13 +31,12 @@ def scene_of(path):
 
 def assert_is_the_scene(made, scene):
     """Assert that the file has the same data at each vertex as the scene message."""
-    arrays, count = scene.arrays, scene.facts["vertices"]
+    arrays, count, fields = scene.arrays, scene.facts["vertices"], scene.facts["fields"]
     assert_array_equal(column(made, "POSITION"), arrays["positions"])
     directed = arrays["normals"].any(axis=1)
     assert_array_equal(column(made, "NORMAL")[directed], arrays["normals"][directed])
     isoline_coordinates = np.hstack([column(made, f"TEXCOORD_{number}") for number in range(2, 6)])
-    assert_array_equal(isoline_coordinates[:, : scene.facts["fields"]], arrays["ladder"])
-    assert not isoline_coordinates[:, scene.facts["fields"] :].any()
+    assert_array_equal(isoline_coordinates, np.pad(arrays["ladder"], [(0, 0), (0, 8 - fields)]))
     assert_array_equal(column(made, "TEXCOORD_6"), np.column_stack([np.arange(count), np.zeros(count)]))
     assert len(primitives(made)) == len(scene.facts["parts"])
     for surface, part in zip(primitives(made), scene.facts["parts"], strict=True):
@@ -45,8 +44,6 @@ def assert_is_the_scene(made, scene):
         there = made.array(surface.indices).reshape(-1, 3).astype(np.int64)
         assert_array_equal(there + first, arrays["triangles"][start : start + triangles])
         assert there.max() < vertices
-    if "uv" in arrays:
-        assert_array_equal(column(made, "TEXCOORD_0"), arrays["uv"])
 
 
 def test_the_file_says_of_every_vertex_what_the_scene_message_says(blob_puppet, blob_file, tmp_path, assert_valid_gltf):
@@ -58,7 +55,7 @@ def test_the_file_says_of_every_vertex_what_the_scene_message_says(blob_puppet, 
     assert (summary.vertices, summary.triangles) == (scene.facts["vertices"], scene.facts["triangles"])
     assert (summary.surfaces, summary.fields) == (1, 5)
     result = CliRunner().invoke(main, ["shader-mesh", str(blob_puppet), "-o", str(tmp_path / "b.glb"), "--json"])
-    assert json.loads(result.output) == json.loads(json.dumps(asdict(summary) | {"output": str(tmp_path / "b.glb")}))
+    assert json.loads(result.output) == {**asdict(summary), "output": str(tmp_path / "b.glb"), "notes": []}
     assert (tmp_path / "a.glb").read_bytes() == (tmp_path / "b.glb").read_bytes()
     content = blob_file.read_bytes()
     refused(OutputError, write_shader_mesh, blob_puppet, blob_file)

@@ -79,12 +79,13 @@ def test_eyes_are_halfway_up_and_a_licence_of_vrms_is_stated_as_such(made):
     vrm = made()["extensions"]["VRMC_vrm"]
     assert vrm["firstPerson"] == {"meshAnnotations": [{"node": 1, "type": "auto"}]}
     look = vrm["lookAt"]
-    assert look["offsetFromHeadBone"] == [0, 0.125, 0.05]
-    assert (look["type"], look["rangeMapVerticalUp"]["outputScale"]) == ("bone", 10)
+    found = look["offsetFromHeadBone"], look["type"], look["rangeMapVerticalUp"]["outputScale"]
+    assert found == ([0, 0.125, 0.05], "bone", 10)
     own = VrmTable(name="Ada", authors=["Ben"], licence="https://vrm.dev/licenses/1.0/", version="2")
     vrm = made(own, ["lookUp", "lookDown", "lookLeft", "lookRight"])["extensions"]["VRMC_vrm"]
     assert vrm["meta"] == {"name": "Ada", "authors": ["Ben"], "licenseUrl": own.licence, "version": "2"}
     assert (vrm["lookAt"]["type"], vrm["lookAt"]["rangeMapHorizontalInner"]["outputScale"]) == ("expression", 1)
+    assert vrm["expressions"]["preset"].keys() == {"lookUp", "lookDown", "lookLeft", "lookRight"}
 
 
 def test_an_earlier_vrm_and_animations_are_replaced(made):

@@ -4,16 +4,13 @@ from engine_bridge.export.vrm_expressions import expressions
 
 
 def faces(*meshes):
-    """Return the expressions of a file in which each node shows a mesh with targets of these names."""
-    return expressions(
-        {
-            "nodes": [{}, *({"mesh": number} for number in range(len(meshes)))],
-            "meshes": [
-                {"primitives": [{"attributes": {}, "targets": [{}] * len(names)}], "extras": {"targetNames": [*names]}}
-                for names in meshes
-            ],
-        }
-    )
+    """Return the presets, and the names of others, of a file whose nodes show meshes with targets of these names."""
+    described = [
+        {"primitives": [{"attributes": {}, "targets": [{}] * len(names)}], "extras": {"targetNames": names}}
+        for names in meshes
+    ]
+    found = expressions({"nodes": [{}, *({"mesh": k} for k in range(len(meshes)))], "meshes": described})
+    return {name: binds(each) for name, each in found["preset"].items()}, list(found["custom"])
 
 
 def binds(expression):
@@ -25,28 +22,21 @@ PRESETS += " lookUp lookDown lookLeft lookRight"
 """All presets of VRM 1.0."""
 
 
-def test_targets_with_vrms_names_are_its_expressions_and_half_of_a_pair_is_none():
-    for preset in PRESETS.split():
-        found = faces([preset, "mouthSmileLeft"])
-        assert {name: binds(each) for name, each in found["preset"].items()} == {preset: [(1, 0, 1.0)]}
-        assert list(found["custom"]) == ["mouthSmileLeft"]
+@pytest.mark.parametrize("preset", PRESETS.split())
+def test_targets_with_vrms_names_are_its_expressions_and_half_of_a_pair_is_none(preset):
+    assert faces([preset, "mouthSmileLeft"]) == ({preset: [(1, 0, 1.0)]}, ["mouthSmileLeft"])
 
 
 def test_arkits_names_are_expressions_and_stay_expressions_of_their_own():
-    found = faces(["jawOpen", "eyeBlinkLeft", "eyeBlinkRight", "cheekPuff"])
-    assert {name: binds(each) for name, each in found["preset"].items()} == {
-        "aa": [(1, 0, 1.0)],
-        "blink": [(1, 1, 1.0), (1, 2, 1.0)],
-        "blinkLeft": [(1, 1, 1.0)],
-        "blinkRight": [(1, 2, 1.0)],
-    }
-    assert list(found["custom"]) == ["jawOpen", "eyeBlinkLeft", "eyeBlinkRight", "cheekPuff"]
+    names = ["jawOpen", "eyeBlinkLeft", "eyeBlinkRight", "cheekPuff"]
+    jaw, left, right = ((1, index, 1.0) for index in range(3))
+    assert faces(names) == ({"aa": [jaw], "blink": [left, right], "blinkLeft": [left], "blinkRight": [right]}, names)
 
 
 def test_a_preset_of_its_own_name_precedes_others_in_any_case_and_all_meshes_move():
-    found = faces(["jawOpen", "AA"], ["aa"], ["Aa", "other"])
-    assert binds(found["preset"]["aa"]) == [(1, 1, 1.0), (2, 0, 1.0), (3, 0, 1.0)]
-    assert list(found["custom"]) == ["jawOpen", "other"]
+    presets, others = faces(["jawOpen", "AA"], ["aa"], ["Aa", "other"])
+    assert presets == {"aa": [(1, 1, 1.0), (2, 0, 1.0), (3, 0, 1.0)]}
+    assert others == ["jawOpen", "other"]
 
 
 @pytest.mark.parametrize(

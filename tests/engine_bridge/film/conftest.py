@@ -1,13 +1,31 @@
 """Scenes of two small figures, sounds with a clap, and a renderer."""
 
+import numpy as np
 import pytest
 
 from engine_bridge.film import scene as scenes
 from engine_bridge.film.production import produce
+from solver.model.binding import Binding
+from solver.motion.deformer import to_file_units
 
 
 def quiet(_step, _share):
     """Report no progress."""
+
+
+def in_picture(camera, points, size):
+    """Return points (n, 2) as shares of the picture from its top left corner."""
+    clip = np.column_stack([points, np.ones(len(points))]) @ camera.matrix(size).astype(float)
+    assert (clip[:, 3] > 0).all()
+    return clip[:, :2] / clip[:, 3:] / 2 + 0.5
+
+
+def placed(actor, frames):
+    """Return the vertices of a character in frames of its film, (F, n, 3), in metres."""
+    prepared = actor.prepared
+    binding = Binding(prepared.model, prepared.character.vertices, prepared.mesh.of_render)
+    shown = [binding.vertices(to_file_units(actor.pose(frame).R, prepared.model)) for frame in frames]
+    return np.array([each @ to[:3] + to[3] for each, to in zip(shown, map(actor.to_stage, frames), strict=True)])
 
 
 @pytest.fixture

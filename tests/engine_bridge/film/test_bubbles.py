@@ -11,31 +11,32 @@ from engine_bridge.film.scene import BubbleTable
 SIZE = (640, 360)
 
 
-@pytest.mark.parametrize("kind", ["speech", "thought", "name"])
+KINDS = pytest.mark.parametrize("kind", ["speech", "thought", "name"])
+
+
+def bubble_of(**table):
+    return Bubble(BubbleTable(character="a", **table), SIZE, "bubble", None)
+
+
+@KINDS
 @given(x=st.floats(0.15, 0.85), y=st.floats(0.15, 0.5))
 def test_a_bubble_is_in_the_picture_and_does_not_hide_the_head(kind, x, y):
-    bubble = Bubble(BubbleTable(character="a", text="How do you do?", kind=kind), SIZE, "bubble", None)
-    head = np.array([[x - 0.03, y - 0.06], [x + 0.03, y + 0.06]]) * SIZE
-    body = np.array([[x - 0.1, y - 0.06], [x + 0.1, y + 0.4]]) * SIZE
+    bubble = bubble_of(text="How do you do?", kind=kind)
+    head, body = ([[x - side, y - 0.06], [x + side, y + below]] for side, below in ((0.03, 0.06), (0.1, 0.4)))
+    head, body = np.multiply(head, SIZE), np.multiply(body, SIZE)
     pixels, place = bubble.draw(bubble.place(head, body, head))
     left, top, right, bottom = np.array(place) * [*SIZE, *SIZE]
     assert pixels.shape == (round(bottom - top), round(right - left), 4)
-    rows, columns = np.nonzero(pixels[..., 3] > 128)
-    assert left + columns.min() >= 0
-    assert top + rows.min() >= 0
-    assert left + columns.max() < SIZE[0]
-    assert top + rows.max() < SIZE[1]
-    inside = (
-        (left + columns > head[0, 0] + 2) & (left + columns < head[1, 0] - 2)
-        & (top + rows > head[0, 1] + 2) & (top + rows < head[1, 1] - 2)
-    )  # fmt: skip
-    assert inside.mean() < 0.02  # at most the tip of its tail
+    shown = np.argwhere(pixels[..., 3] > 128)[:, ::-1] + [left, top]
+    assert ((shown >= 0) & (shown < SIZE)).all()
+    hides_head = ((shown > head[0] + 2) & (shown < head[1] - 2)).all(axis=1)
+    assert hides_head.mean() < 0.02  # at most the tip of its tail
 
 
-@pytest.mark.parametrize("kind", ["speech", "thought", "name"])
+@KINDS
 @given(x=st.floats(-1e6, 1e6), y=st.floats(-1e6, 1e6), usual=st.floats(-1e6, 1e6))
 def test_a_bubble_is_not_much_larger_than_the_picture_wherever_the_head_is(kind, x, y, usual):
-    bubble = Bubble(BubbleTable(character="a", text="How do you do?", kind=kind), SIZE, "bubble", None)
+    bubble = bubble_of(text="How do you do?", kind=kind)
     pixels, _ = bubble.draw(bubble.place(np.array([[x, y], [x + 50, y + 80]]), *np.full((2, 2, 2), usual)))
     letters = 4 * bubble.table.size * SIZE[1]
     assert (np.array(pixels.shape[1::-1]) <= np.array(SIZE) + letters).all()
@@ -50,8 +51,6 @@ def test_lines_end_between_words(words):
 
 
 def test_a_name_needs_no_text():
-    table = BubbleTable(character="Rex", kind="name")
-    given = table.model_copy(update={"text": "Rex"})
-    bubbles = [Bubble(each, SIZE, "bubble", None) for each in (table, given)]
+    bubbles = [bubble_of(kind="name", **text) for text in ({}, {"text": "a"})]
     (pixels, _), (same, _) = (each.draw(each.place(*np.full((3, 2, 2), 100.0))) for each in bubbles)
     assert (pixels == same).all()

@@ -19,7 +19,7 @@ from engine_bridge.film.video import VideoWriter
 from puppetline.errors import OutputError
 
 from ..refusals import refused
-from .conftest import quiet
+from .conftest import placed, quiet
 
 av = pytest.importorskip("av", reason="the extra film is not installed")
 
@@ -134,11 +134,15 @@ def test_a_clap_is_heard_when_it_is_seen(write_scene, write_wav, tmp_path, endin
     assert heard == pytest.approx(1.25 - start, abs=0.01)
 
 
-def test_a_character_is_drawn_with_its_mouth_open_when_it_speaks(write_scene, talking, monkeypatch):
+def test_a_character_is_drawn_where_its_take_has_it_with_its_mouth_open_when_it_speaks(
+    write_scene, talking, monkeypatch
+):
     path = write_scene(SCENE.replace("LIMBED", str(talking(False))))
     actor = produce(path, load(path), quiet).actors[0]
     pose = actor.pose(0)
     surface, shown = films._Surface(actor), []
+    for frame in (0, 20):
+        assert_allclose(surface.at(frame)[0], *placed(actor, [frame]), atol=1e-5)
     for value in (0.0, 1.0, 0.0):
         speaking = replace(pose, channels={"voice": value})
         monkeypatch.setattr(actor, "pose", lambda _, speaking=speaking: speaking)

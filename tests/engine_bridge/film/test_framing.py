@@ -12,19 +12,10 @@ from engine_bridge.film.framing import HEAD_ROOM, SIDE_ROOM, Extent, Shots, fram
 from engine_bridge.film.production import CROWN_SHARE, UPPER_SHARE, produce
 from engine_bridge.film.scene import CameraTable
 from engine_bridge.pictures.camera import Camera
-from solver.model.binding import Binding
-from solver.motion.deformer import to_file_units
 
-from .conftest import quiet
+from .conftest import in_picture, placed, quiet
 
 SIZE = (1280, 720)
-
-
-def in_picture(camera, points, size=SIZE):
-    """Return points (n, 2) as shares of the picture from its top left corner."""
-    clip = np.column_stack([points, np.ones(len(points))]) @ camera.matrix(size).astype(float)
-    assert (clip[:, 3] > 0).all()
-    return clip[:, :2] / clip[:, 3:] / 2 + 0.5
 
 
 @given(st.integers(0, 1000), st.floats(-180, 180), st.floats(0, 80), st.floats(10, 90))
@@ -33,20 +24,21 @@ def test_the_nearest_camera_shows_all_points_with_room_around_them(seed, azimuth
     a, e = np.radians([azimuth, elevation])
     towards = np.array([np.sin(a) * np.cos(e), np.sin(e), np.cos(a) * np.cos(e)])
     target, eye = framed(points, towards, field, SIZE)
-    shown = in_picture(Camera(eye, target, field), points)
-    low, high = shown.min(axis=0), shown.max(axis=0)
-    room = np.array([SIDE_ROOM, HEAD_ROOM])
-    assert (low >= room - 1e-4).all()
-    assert (high <= 1 - room + 1e-4).all()
+    shown, room = in_picture(Camera(eye, target, field), points, SIZE), [SIDE_ROOM, HEAD_ROOM]
+    left = np.concatenate([shown.min(axis=0) - room, 1 - np.array(room) - shown.max(axis=0)])
+    assert (left >= -1e-4).all()
     is_outside = np.linalg.norm(eye - target) > (points - target).dot(towards).max() + 0.01
     if is_outside:  # else that is all that the eye has to be
-        assert (np.abs(np.concatenate([low - room, 1 - room - high])) < 1e-3).sum() >= 2  # no camera is nearer
+        assert (np.abs(left) < 1e-3).sum() >= 2  # no camera is nearer
 
 
 def boxes(frames, x):
-    """A box of 1 m that is at x(k) in frame k, with a head that fills it."""
-    middle = np.column_stack([[x(k) for k in range(frames)], np.full(frames, 0.5), np.zeros(frames)])
+    """A box of 1 m that is at x(k), or always at x, in frame k, with a head that fills it."""
+    middle = np.array([[x(k) if callable(x) else x, 0.5, 0] for k in range(frames)])
     return Extent(*[np.stack([middle - 0.5, middle + 0.5], axis=1)] * 3)
+
+
+BOTH = {"a": boxes(60, -3), "b": boxes(60, 3)}
 
 
 def camera(shots, frame):
@@ -61,29 +53,23 @@ def test_a_camera_that_follows_stays_nearer_and_moves_smoothly():
     still = Shots((), {"a": walk}, 30, SIZE)
     follow = Shots((CameraTable(shot="follow"),), {"a": walk}, 30, SIZE)
     cameras = [camera(follow, frame) for frame in range(300)]
-    eyes = np.array([each.eye for each in cameras])
-    wide = camera(still, 0)
+    eyes, wide = np.array([each.eye for each in cameras]), camera(still, 0)
     assert eyes[:, 1].std() == 0
     assert (wide.eye == camera(still, 299).eye).all()
     assert np.linalg.norm(eyes[0] - cameras[0].target) < np.linalg.norm(wide.eye - wide.target)
     assert np.abs(np.diff(eyes, axis=0, n=2)).max() < 0.2 * 0.05  # a step of 5 cm per frame begins within many frames
-    for frame in range(0, 300, 7):
-        shown = in_picture(cameras[frame], walk.whole[frame])
-        assert (shown > 0).all()
-        assert (shown < 1).all()
+    shown = np.array([in_picture(cameras[frame], walk.whole[frame], SIZE) for frame in range(0, 300, 7)])
+    assert ((shown > 0) & (shown < 1)).all()
 
 
 def test_cameras_cut_at_their_times_and_show_whom_they_are_for():
-    both = {"a": boxes(60, lambda k: -3), "b": boxes(60, lambda k: 3)}
-    shots = Shots((CameraTable(show=("a",)), CameraTable(at=1.0, show=("b",))), both, 30, SIZE)
-    assert camera(shots, 29).target[0] == pytest.approx(-3, abs=0.3)
-    assert camera(shots, 30).target[0] == pytest.approx(3, abs=0.3)
+    shots = Shots((CameraTable(show=("a",)), CameraTable(at=1.0, show=("b",))), BOTH, 30, SIZE)
+    assert [camera(shots, frame).target[0] for frame in (29, 30)] == pytest.approx([-3, 3], abs=0.3)
     assert (camera(shots, 30).eye == camera(shots, 59).eye).all()
 
 
 def test_a_cross_fade_mixes_both_cameras():
-    both = {"a": boxes(60, lambda k: -3), "b": boxes(60, lambda k: 3)}
-    shots = Shots((CameraTable(show=("a",)), CameraTable(at=1.0, show=("b",), fade=0.3)), both, 30, SIZE)
+    shots = Shots((CameraTable(show=("a",)), CameraTable(at=1.0, show=("b",), fade=0.3)), BOTH, 30, SIZE)
     shares = [[view.share for view in shots.views(frame)] for frame in range(29, 41)]
     assert shares == [[1.0], *([1 - k / 10, k / 10] for k in range(1, 10)), [1.0], [1.0]]
     before, after = shots.views(33)
@@ -93,28 +79,27 @@ def test_a_cross_fade_mixes_both_cameras():
 
 
 def test_without_an_azimuth_nobody_else_stands_in_the_way():
-    both = {"a": boxes(9, lambda k: 0), "b": boxes(9, lambda k: 0)}
-    for box in both["b"].whole[:, :]:
-        box += [0.6, 0, 2.2]  # in front, to the right
-    eye = camera(Shots((CameraTable(show=("a",)),), both, 30, SIZE), 0).eye
-    assert eye[0] < 0
-    behind = Shots((CameraTable(show=("a",), shot="over the shoulder"),), both, 30, SIZE)
-    looks = camera(behind, 0).target - camera(behind, 0).eye
-    assert looks[2] < 0  # from b, which is in front of a, towards a
-    way = np.array([-0.6, 0, -2.2])
-    angle = np.degrees(np.arccos(looks[[0, 2]] @ way[[0, 2]] / np.linalg.norm(looks[[0, 2]]) / np.linalg.norm(way)))
-    assert 17 < angle < 29  # past a shoulder, not through the head
-    assert camera(behind, 0).eye[2] > 2.2
+    both = {
+        "a": boxes(9, 0),
+        "b": Extent(*(np.add(each, [0.6, 0, 2.2]) for each in boxes(9, 0))),
+    }  # in front, to the right
+    assert camera(Shots((CameraTable(show=("a",)),), both, 30, SIZE), 0).eye[0] < 0
+    behind = camera(Shots((CameraTable(show=("a",), shot="over the shoulder"),), both, 30, SIZE), 0)
+    looks = (behind.target - behind.eye)[[0, 2]]
+    assert looks[1] < 0  # from b, which is in front of a, towards a
+    cosine = looks @ [-0.6, -2.2] / np.linalg.norm(looks) / np.hypot(0.6, 2.2)
+    assert 17 < np.degrees(np.arccos(cosine)) < 29  # past a shoulder, not through the head
+    assert behind.eye[2] > 2.2
 
 
 def test_a_character_without_an_extent_does_not_count_where_views_are_compared():
-    extents = {"a": boxes(5, lambda k: 0), "point": Extent(*np.zeros((3, 5, 2, 3)))}
     front = Extent(*np.tile([[-0.1, 0, 1.4], [0.1, 1, 1.6]], (3, 5, 1, 1)))
-    shots = [
-        Shots((CameraTable(show=tuple(names)),), {**{name: extents[name] for name in names}, "front": front}, 30, SIZE)
-        for names in (["a", "point"], ["a"])
-    ]
-    assert_allclose(camera(shots[0], 0).eye, camera(shots[1], 0).eye)
+    both = {"a": boxes(5, 0), "front": front}
+    point = {"point": Extent(*np.zeros((3, 5, 2, 3)))}
+    alone = Shots((CameraTable(show=("a",)),), both, 30, SIZE)
+    assert_allclose(
+        camera(Shots((CameraTable(show=("a", "point")),), both | point, 30, SIZE), 0).eye, camera(alone, 0).eye
+    )
 
 
 def outside(production):
@@ -123,19 +108,16 @@ def outside(production):
     begins = [round(table.at * production.fps) for table in production.scene.camera[1:]]
     count = 0
     for actor in production.actors:
-        binding = Binding.of_solver_mesh(actor.prepared.model, actor.prepared.mesh)
-        up = actor.prepared.mesh.vertices @ actor.footing.basis[1]
+        up = actor.prepared.character.vertices @ actor.footing.basis[1]
         crown = up > up.min() + CROWN_SHARE * np.ptp(up)
-        for frame in range(production.frames):
+        for frame, vertices in enumerate(placed(actor, range(production.frames))):
             table = production.scene.camera[int(np.searchsorted(begins, frame, side="right"))]
             if table.show and actor.name not in table.show:
                 continue
-            linear = actor.to_stage(frame)
-            placed = binding.vertices(to_file_units(actor.pose(frame).R, actor.prepared.model)) @ linear[:3] + linear[3]
             if table.shot == "close":
-                high = placed[:, 1] > placed[:, 1].max() - UPPER_SHARE * actor.footing.height
-                placed = placed[crown | high]
-            shown = in_picture(shots.views(frame)[-1].camera, placed)
+                high = vertices[:, 1] > vertices[:, 1].max() - UPPER_SHARE * actor.footing.height
+                vertices = vertices[crown | high]
+            shown = in_picture(shots.views(frame)[-1].camera, vertices, SIZE)
             count += ((shown < 0) | (shown > 1)).any(axis=1).sum()
     return count
 

@@ -24,14 +24,6 @@ def load(tmp_path):
     return read
 
 
-def test_a_character_and_a_take_are_enough(load):
-    scene = load(CHARACTER + TAKE)
-    assert scene.film.size == (1280, 720)
-    assert scene.film.fps == 30
-    assert scene.take[0].loop == 1
-    assert scene.camera == ()
-
-
 @pytest.mark.parametrize(
     ("text", "where", "found"),
     [

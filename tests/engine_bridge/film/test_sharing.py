@@ -8,6 +8,8 @@ from engine_bridge.film.sharing import GIF_SECONDS, check_sharing, share_video
 from engine_bridge.film.video import VideoWriter
 from puppetline.errors import OutputError
 
+from ..refusals import refused
+
 av = pytest.importorskip("av")
 
 WIDTH, HEIGHT, FPS = 640, 360, 30
@@ -45,7 +47,7 @@ def test_a_very_wide_film_of_one_frame_has_a_poster_and_a_gif(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("existing", "picture", "replace", "refused"),
+    ("existing", "picture", "replace", "found"),
     [
         ((), "film.jpg", False, "an input file"),
         (("film.jpg",), "film.jpg", True, "an input file"),
@@ -55,15 +57,13 @@ def test_a_very_wide_film_of_one_frame_has_a_poster_and_a_gif(tmp_path):
         ((), "other.jpg", False, None),
     ],
 )
-def test_no_picture_of_the_user_is_replaced(tmp_path, existing, picture, replace, refused):
+def test_no_picture_of_the_user_is_replaced(tmp_path, existing, picture, replace, found):
     scene = tmp_path / "scene.toml"
     background = f'[film]\nseconds = 1.0\n[background]\npicture = "{picture}"\n'
     scene.write_text(background + '[[character]]\nname = "dog"\npuppet = "dog.toml"\n')
     for name in existing:
         (tmp_path / name).touch()
-    if refused is None:
+    if found is None:
         check_sharing(tmp_path / "film.mp4", scene, replace)
     else:
-        with pytest.raises(OutputError) as error:
-            check_sharing(tmp_path / "film.mp4", scene, replace)
-        assert error.value.parts["found"] == refused
+        assert refused(OutputError, check_sharing, tmp_path / "film.mp4", scene, replace).found == found

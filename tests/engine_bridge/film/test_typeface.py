@@ -21,17 +21,16 @@ def test_a_typeface_without_the_letters_is_replaced(tmp_path):
     assert typeface("round", "Привет, Łódź", 20, "title", tmp_path).path.name == FILES["plain"][1]
 
 
-def test_letters_that_no_typeface_has_are_one_message(tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("files", "text", "letters"),
+    [(FILES, "a 犬 b 猫", "犬猫"), (dict.fromkeys(FILES, ("no_such_package", "a.ttf")), "a b", "ab")],
+    ids=["no typeface has them", "there is no typeface"],
+)
+def test_letters_without_a_typeface_are_one_message(tmp_path, monkeypatch, files, text, letters):
     monkeypatch.setattr(typefaces, "SYSTEM_FILES", ())
-    error = refused(SceneError, typeface, "hand", "a 犬 b 猫", 20, "title", tmp_path)
-    assert (error.where, error.found) == ("title, text", "the letters 犬猫")
-
-
-def test_a_system_without_any_typeface_is_one_message(tmp_path, monkeypatch):
-    monkeypatch.setattr(typefaces, "SYSTEM_FILES", ())
-    monkeypatch.setattr(typefaces, "FILES", dict.fromkeys(FILES, ("no_such_package", "a.ttf")))
-    error = refused(SceneError, typeface, "hand", "a b", 20, "title", tmp_path)
-    assert (error.where, error.found) == ("title, text", "the letters ab")
+    monkeypatch.setattr(typefaces, "FILES", files)
+    error = refused(SceneError, typeface, "hand", text, 20, "title", tmp_path)
+    assert (error.where, error.found) == ("title, text", f"the letters {letters}")
 
 
 def test_a_file_is_a_typeface(tmp_path):

@@ -1,8 +1,6 @@
 import errno
-import json
 import os
 import socket
-from dataclasses import asdict
 from types import SimpleNamespace
 
 import pytest
@@ -91,12 +89,8 @@ def test_low_disk_space_a_coarse_clock_no_curve_and_no_network_are_reported_and_
     monkeypatch.setattr(machine.time, "get_clock_info", lambda _name: SimpleNamespace(resolution=0.015625))
     monkeypatch.setattr("zmq.has", {"curve": False}.get)
     monkeypatch.setattr("engine_bridge.service.discovery.find", no_network)
-    disk, time, zeromq, network = (
-        machine._folder("takes", tmp_path),
-        machine._clock(),
-        machine._pyzmq("27.0.0"),
-        machine._network(),
-    )
+    disk, time, zeromq = machine._folder("takes", tmp_path), machine._clock(), machine._pyzmq("27.0.0")
+    network = machine._network()
     assert [each.ok for each in (disk, time, zeromq, network)] == [True, True, True, None]
     assert "15625000 ns, too coarse" in time.detail
     assert "Network is unreachable" in network.detail
@@ -109,32 +103,20 @@ def test_given_sources_are_opened_once_and_fail_if_they_cannot_be_opened(given_c
         silent = f"osc:{probe.getsockname()[1]}"
     asked = ["demo:walk", silent, "demo:walk", "demo:nobody", "replay:no such file"]
     findings = [each for each in examine(sources=asked) if each.name in asked]
-    assert findings[:2] == [
-        Finding("demo:walk", True, "works"),
-        Finding(silent, True, f"can be opened; no data within {machine.FIRST_DATA_SECONDS:g} s"),
-    ]
-    assert [(each.name, each.ok, each.detail) for each in findings[2:]] == [
+    assert [(each.name, each.ok, each.detail) for each in findings] == [
+        ("demo:walk", True, "works"),
+        (silent, True, f"can be opened; no data within {machine.FIRST_DATA_SECONDS:g} s"),
         ("demo:nobody", False, "no example motion 'nobody'"),
         ("replay:no such file", False, "no such file: a file that cannot be read (No such file or directory)"),
     ]
     assert findings[2].fix == "Use one of these names, for example demo:walk?loop."
 
 
-def test_findings_are_lines_to_read_and_json():
-    findings = [
-        Finding("Python", True, "3.11"),
-        Finding("port 7400/tcp", False, "in use", "End it."),
-        Finding("cameras", None, "none"),
-    ]
-    assert text(findings).splitlines() == [
+def test_findings_are_lines_to_read():
+    findings = ("Python", True, "3.11"), ("port 7400/tcp", False, "in use", "End it."), ("cameras", None, "none")
+    assert text([Finding(*each) for each in findings]).splitlines() == [
         "ok  Python         3.11",
         "!!  port 7400/tcp  in use",
         "                   → End it.",
         "--  cameras        none",
     ]
-    assert json.loads(json.dumps([asdict(finding) for finding in findings]))[1] == {
-        "name": "port 7400/tcp",
-        "ok": False,
-        "detail": "in use",
-        "fix": "End it.",
-    }

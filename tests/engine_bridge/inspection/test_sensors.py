@@ -23,16 +23,15 @@ def usb(tmp_path, monkeypatch):
     monkeypatch.setattr(sensors, "_NODES", tmp_path / "nodes")
     (tmp_path / "usb" / "1-0:1.0").mkdir(parents=True)  # an interface has no ids
 
-    def plug(*ids):
-        for number, each in enumerate(ids):
-            device = tmp_path / "usb" / f"1-{number}"
-            device.mkdir()
-            for file, value in zip(
-                ("idVendor", "idProduct", "busnum", "devnum"), (*each.split(":"), "1", str(number)), strict=True
-            ):
+    def plug(*devices):
+        """Plug in devices, as "vendor:product:name:speed"; return the folder of their files."""
+        for number, each in enumerate(devices):
+            device, node = tmp_path / "usb" / f"1-{number}", tmp_path / "nodes" / "001" / f"{number:03}"
+            for path in (device, node.parent):
+                path.mkdir(parents=True, exist_ok=True)
+            about = zip(("idVendor", "idProduct", "product", "speed"), each.split(":"), strict=False)
+            for file, value in (*about, ("busnum", "1"), ("devnum", str(number))):
                 (device / file).write_text(value + "\n")
-            node = tmp_path / "nodes" / "001" / f"{number:03}"
-            node.parent.mkdir(parents=True, exist_ok=True)
             node.touch()
         return tmp_path / "nodes" / "001"
 
@@ -50,35 +49,56 @@ def without(monkeypatch, *paths):
     monkeypatch.setattr(os, "access", lambda path, mode: path not in paths and allowed(path, mode))
 
 
-def test_depth_sensors_are_recognised_by_usb_ids_and_listed_with_their_sources(usb):
-    nodes = usb("1d6b:0002", "045e:02ae", "045e:097d", "1d27:0601")  # the first is a hub
-    assert list(sensors._depth_sensors([*sensors._plugged()])) == [
-        Finding("Kinect v1 (Xbox 360)", True, f"{nodes}/001, for freenect:"),
-        Finding("Azure Kinect", None, f"{nodes}/002, not supported; its own programs can send OSC"),
-        Finding("Asus Xtion Pro Live", True, f"{nodes}/003, for openni:"),
-    ]
+def depth_sensors():
+    return list(sensors._depth_sensors([*sensors._plugged()]))
 
 
-def test_a_realsense_without_its_library_says_what_to_install_and_a_slow_port_is_named(usb, tmp_path, monkeypatch):
-    nodes = usb("8086:0b07", "8086:0001", "2bc5:0800")  # the second is another device of the same maker
-    for number, (product, speed) in enumerate((("Intel(R) RealSense(TM) 435", "480"), ("Hub", "480"), ("", "5000"))):
-        (tmp_path / "usb" / f"1-{number}" / "product").write_text(product)
-        (tmp_path / "usb" / f"1-{number}" / "speed").write_text(speed)
-    monkeypatch.setitem(sys.modules, "pyrealsense2", None)
-    assert list(sensors._depth_sensors([*sensors._plugged()])) == [
-        Finding("Intel(R) RealSense(TM) 435", True, f"{nodes}/000, for realsense:"),
-        Finding(
-            "Intel(R) RealSense(TM) 435, USB",
-            False,
-            "480 Mbit/s; it requires 5000",
-            "Use a USB 3 port and a USB 3 cable.",
+SLOW = (
+    *("Intel(R) RealSense(TM) 435, USB", False, "480 Mbit/s; it requires 5000"),
+    "Use a USB 3 port and a USB 3 cable.",
+)
+
+
+@pytest.mark.parametrize(
+    ("plugged", "findings"),
+    [
+        ([], [("depth sensors", None, "no known model on USB")]),
+        (
+            ["1d6b:0002", "045e:02ae", "045e:097d", "1d27:0601"],  # the first is a hub
+            [
+                ("Kinect v1 (Xbox 360)", True, "NODES/001, for freenect:"),
+                ("Azure Kinect", None, "NODES/002, not supported; its own programs can send OSC"),
+                ("Asus Xtion Pro Live", True, "NODES/003, for openni:"),
+            ],
         ),
-        Finding("Orbbec sensor", True, f"{nodes}/002, for orbbec:"),
+        (
+            # the second is another device of the same maker
+            ["8086:0b07:Intel(R) RealSense(TM) 435:480", "8086:0001:Hub:480", "2bc5:0800::5000"],
+            [
+                ("Intel(R) RealSense(TM) 435", True, "NODES/000, for realsense:"),
+                SLOW,
+                ("Orbbec sensor", True, "NODES/002, for orbbec:"),
+            ],
+        ),
+    ],
+)
+def test_depth_sensors_are_recognised_by_usb_ids_and_listed_with_their_sources(usb, plugged, findings):
+    nodes = str(usb(*plugged))
+    assert depth_sensors() == [
+        Finding(name, ok, detail.replace("NODES", nodes), *fix) for name, ok, detail, *fix in findings
     ]
-    monkeypatch.setitem(sys.modules, "pyorbbecsdk", None)
+
+
+def test_sensors_without_their_libraries_say_what_to_install(usb, monkeypatch):
+    usb("8086:0b07:RealSense:5000", "2bc5:0800")
+    fixes = {
+        "librealsense": ("pyrealsense2", "pip install 'puppetline[realsense]'"),
+        "Orbbec SDK": ("pyorbbecsdk", "pip install --no-deps pyorbbecsdk2"),
+    }
+    for module, _ in fixes.values():
+        monkeypatch.setitem(sys.modules, module, None)
     findings = [*sensors.examine()]
-    fixes = {"librealsense": "pip install 'puppetline[realsense]'", "Orbbec SDK": "pip install --no-deps pyorbbecsdk2"}
-    for library, command in fixes.items():
+    for library, (_, command) in fixes.items():
         missing = found(findings, library)
         assert (missing.ok, missing.fix) == (False, f"Install it: {command}")
 
@@ -87,7 +107,7 @@ def test_a_realsense_without_its_library_says_what_to_install_and_a_slow_port_is
 def test_a_sensor_that_may_not_be_opened_is_a_finding_with_its_udev_rules(usb, monkeypatch, kind, package):
     nodes = usb(kind)
     without(monkeypatch, nodes / "000")
-    (finding,) = sensors._depth_sensors([*sensors._plugged()])
+    (finding,) = depth_sensors()
     assert (finding.ok, finding.detail) == (False, f"{nodes}/000: no permission")
     assert finding.fix == (
         f"Install the udev rules 60-{package}.rules from Debian's {package}, run udevadm control --reload, "
@@ -95,31 +115,20 @@ def test_a_sensor_that_may_not_be_opened_is_a_finding_with_its_udev_rules(usb, m
     )
 
 
-def test_missing_sensors_and_cameras_are_no_failure(usb, tmp_path, monkeypatch):
+def test_a_camera_that_is_missing_or_without_permission_is_no_failure(tmp_path, monkeypatch):
     monkeypatch.setattr(sensors, "_CAMERAS", tmp_path)
-    assert list(sensors._depth_sensors([*sensors._plugged()])) == [
-        Finding("depth sensors", None, "no known model on USB")
-    ]
     assert list(sensors._cameras()) == [Finding("cameras", None, "no /dev/video*")]
-
-
-def test_a_camera_without_permission_is_no_failure(tmp_path, monkeypatch):
-    monkeypatch.setattr(sensors, "_CAMERAS", tmp_path)
     monkeypatch.setattr(sensors, "_VIDEO", tmp_path / "names")
     for number in range(2):
         (tmp_path / f"video{number}").touch()
-    (tmp_path / "names" / "video0").mkdir(parents=True)
-    (tmp_path / "names" / "video0" / "name").write_text("Integrated Camera\n")
+    name = tmp_path / "names" / "video0" / "name"
+    name.parent.mkdir(parents=True)
+    name.write_text("Integrated Camera\n")
     without(monkeypatch, tmp_path / "video1")
-    group = (tmp_path / "video1").group()
+    fix = f"Add this user to the group {name.group()}, and log in again."
     assert list(sensors._cameras()) == [
         Finding(f"{tmp_path}/video0", True, "Integrated Camera, can be opened"),
-        Finding(
-            f"{tmp_path}/video1",
-            None,
-            "unnamed, no permission",
-            f"Add this user to the group {group}, and log in again.",
-        ),
+        Finding(f"{tmp_path}/video1", None, "unnamed, no permission", fix),
     ]
 
 
@@ -133,29 +142,22 @@ def test_a_library_that_is_not_there_is_amiss_only_where_a_sensor_needs_it(usb, 
     assert found(sensors.examine(), "libfreenect") == Finding("libfreenect", False, detail, fix)
 
 
-@pytest.mark.parametrize(("module", "load"), [("mediapipe", mediapipe.load_mediapipe), ("cv2", camera.load_opencv)])
-@pytest.mark.parametrize(
-    ("error", "ok"),
-    [
-        (lambda module: ModuleNotFoundError(f"No module named {module!r}", name=module), None),
-        (lambda _module: ModuleNotFoundError("No module named 'jax'", name="jax"), False),
-        (lambda _module: ImportError("libGL.so.1: cannot open shared object file"), False),
-    ],
-)
-def test_python_libraries_that_are_missing_and_that_do_not_load_are_distinguished(monkeypatch, module, load, error, ok):
-    reason = error(module)
+@pytest.mark.parametrize("load", [mediapipe.load_mediapipe, camera.load_opencv])
+def test_python_libraries_that_are_missing_are_no_failure(monkeypatch, load):
+    def absent(module):
+        raise ModuleNotFoundError(name=module.partition(".")[0])
 
-    class Finder:
-        def find_spec(self, wanted, _path=None, _target=None):
-            if wanted == module:
-                raise reason
+    monkeypatch.setattr("importlib.import_module", absent)
+    (finding,) = sensors._library("a library", lambda _name: load(), "camera:", needed=False)
+    assert finding == Finding("a library", None, "not installed; required by camera:", mediapipe.INSTALL_FIX)
 
-    for loaded in [each for each in sys.modules if each.partition(".")[0] == module]:
-        monkeypatch.delitem(sys.modules, loaded)
-    monkeypatch.setattr(sys, "meta_path", [Finder(), *sys.meta_path])
-    detail = "not installed; required by camera:" if ok is None else f"a library that cannot be loaded ({reason})"
-    (found,) = sensors._library("a library", lambda _name: load(), "camera:", needed=False)
-    assert found == Finding("a library", ok, detail, mediapipe.INSTALL_FIX)
+
+def test_a_library_that_does_not_load_is_a_failure_though_no_sensor_needs_it():
+    def look(where):
+        raise SourceError(where, found="a library that cannot be loaded", expected="another", fix="Do it.")
+
+    (finding,) = sensors._library("a library", look, "camera:", needed=False)
+    assert finding == Finding("a library", False, "a library that cannot be loaded", "Do it.")
 
 
 @pytest.mark.parametrize(("named", "ok"), [(False, None), (True, False)])

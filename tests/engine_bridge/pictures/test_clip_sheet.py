@@ -4,22 +4,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from capture.skeleton import JOINT_INDEX, OPPOSITE
 from engine_bridge.character.materials import preview_colors
-from engine_bridge.performance.clip import load_timeline, perform
-from engine_bridge.performance.prepared_character import load_prepared
-from engine_bridge.performance.settings import Settings
 from engine_bridge.pictures import clip_sheet
 
 from ..export.conftest import solved_places
-
-
-@pytest.fixture(scope="module")
-def clip_of(take, record, tmp_path_factory):
-    def make(puppet, log=take):
-        prepared = load_prepared(puppet)
-        timeline, notes = load_timeline(log, Settings())
-        return perform(prepared, timeline, Settings(), notes, lambda _stage, _share: None)
-
-    return make
 
 
 @pytest.fixture
@@ -27,10 +14,9 @@ def drawn(monkeypatch):
     """What is passed to the renderer (poses, views and colours), and the labels."""
     seen = {"poses": [], "views": [], "colors": []}
 
-    def render(vertices, faces, view, size, colors):
-        seen["poses"].append(vertices)
-        seen["views"].append(view)
-        seen["colors"].append(colors)
+    def render(vertices, _faces, view, size, colors):
+        for name, value in (("poses", vertices), ("views", view), ("colors", colors)):
+            seen[name].append(value)
         return np.zeros((size[1], size[0], 3), np.uint8)
 
     monkeypatch.setattr(clip_sheet, "render", render)
@@ -72,12 +58,10 @@ def test_without_a_root_the_character_stays_and_a_short_clip_is_shown_whole(
     clip_of, blob_file, write_puppet, record, dance, drawn, tmp_path
 ):
     puppet = write_puppet(blob_file.with_name("rootless.toml"), blob_file.name, root=False)
-    clip = clip_of(puppet, record(tmp_path / "short.log", dance(3)))
-    shares = []
+    clip, shares = clip_of(puppet, record(tmp_path / "short.log", dance(3))), []
     clip_sheet.draw(clip, tmp_path / "a.png", "title", shares.append)
     assert shares == [1 / 3, 2 / 3, 1]
-    for index, pose in enumerate(drawn["poses"]):
-        assert_allclose(pose, solved_pose(clip, index), atol=1e-5)
+    assert_allclose(drawn["poses"], [solved_pose(clip, index) for index in range(3)], atol=1e-5)
 
 
 def test_a_character_with_another_up_axis_is_shown_upright(clip_of, blob_file, write_puppet, drawn, tmp_path):
@@ -94,18 +78,15 @@ def test_the_performer_is_seen_from_the_characters_side_and_mirrored_like_it(
     figures = []
 
     def draw(joints, view, size):
-        figures.append((joints, view))
+        figures.append((joints, (view.azimuth, view.elevation)))
         return np.zeros((size[1], size[0], 3), np.uint8)
 
     monkeypatch.setattr(clip_sheet.stick_figure, "draw", draw)
-    monkeypatch.setattr(clip_sheet, "render", lambda *_: np.zeros((320, 320, 3), np.uint8))
     mirroring = write_puppet(blob_file.with_name("mirrors.toml"), blob_file.name, more="[retarget]\nmirror = true\n")
-    clip = clip_of(blob_puppet)
-    clip_sheet.draw(clip, tmp_path / "a.png", "title")
-    clip_sheet.draw(clip_of(mirroring), tmp_path / "a.png", "title")
-    plain, mirror = figures[:12], figures[12:]
-    recorded = clip.positions[57]
-    hips = recorded - recorded[JOINT_INDEX["hip_center"]]
-    assert_allclose(plain[-1][0], hips * [-1, 1, -1], atol=1e-9)
-    assert_allclose(mirror[-1][0], hips[OPPOSITE] * [1, 1, -1], atol=1e-9)
-    assert {(view.azimuth, view.elevation) for _, view in figures} == {(25.0, 12.0)}
+    for puppet in (blob_puppet, mirroring):
+        clip = clip_of(puppet)
+        clip_sheet.draw(clip, tmp_path / "a.png", "title")
+    hips = clip.positions[57] - clip.positions[57, JOINT_INDEX["hip_center"]]
+    assert_allclose(figures[11][0], hips * [-1, 1, -1], atol=1e-9)
+    assert_allclose(figures[23][0], hips[OPPOSITE] * [1, 1, -1], atol=1e-9)
+    assert {view for _, view in figures} == {(25.0, 12.0)}

@@ -10,17 +10,6 @@ SIZE = (420, 280)
 
 
 @pytest.fixture
-def puppet():
-    def make(handles, **table):
-        return Puppet(
-            character=CharacterTable(mesh="blob", **table),
-            handle=[HandleTable(name=name, position=place, joint=joint) for name, place, joint in handles],
-        )
-
-    return make
-
-
-@pytest.fixture
 def pictures(monkeypatch):
     """The views that are drawn, at a small size."""
     seen = []
@@ -37,16 +26,15 @@ HANDLES = [
 
 
 @pytest.mark.parametrize(("up", "front"), [("y", "z"), ("z", "-y")])
-def test_each_handle_is_a_disc_of_its_colour_at_its_position(blob, puppet, pictures, tmp_path, up, front):
-    basis = CharacterTable(mesh="blob", up=up, front=front).basis
-    placed = [(name, tuple((np.array(place) @ basis).tolist()), joint) for name, place, joint in HANDLES]
+def test_each_handle_is_a_disc_of_its_colour_at_its_position(blob, pictures, tmp_path, up, front):
+    table = CharacterTable(mesh="blob", up=up, front=front)
+    handles = [
+        HandleTable(name=name, position=tuple((np.array(place) @ table.basis).tolist()), joint=joint)
+        for name, place, joint in HANDLES
+    ]
     vertices = blob.vertices.astype(float)
-    puppet_diagram.draw(
-        puppet(placed, up=up, front=front),
-        make_character("blob", vertices @ basis, blob.faces),
-        tmp_path / "a.png",
-        "blob",
-    )
+    character = make_character("blob", vertices @ table.basis, blob.faces)
+    puppet_diagram.draw(Puppet(character=table, handle=handles), character, tmp_path / "a.png", "blob")
     assert len(pictures) == len(puppet_diagram.VIEWS) == 2
     for picture, angles in zip(pictures, puppet_diagram.VIEWS.values(), strict=True):
         dots = project(np.array([place for _, place, _ in HANDLES]), View.around(np.float32(vertices), *angles), SIZE)

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from puppetline.examples.performances import PERFORMANCES
@@ -7,8 +9,15 @@ from capture.sensors.picture_jpeg import shaded
 from capture.sensors.source_report import SourceReport
 from capture.skeleton import JOINT_INDEX, SkeletonFrame
 from capture.trackers.picture import Lens, Picture
-from engine_bridge.pictures import source_view
-from engine_bridge.pictures.source_view import INFERRED_COLOR, PANEL, PANEL_HEIGHT, PERFORMER_COLORS, draw
+from engine_bridge.pictures.source_view import (
+    INFERRED_COLOR,
+    OK_COLOR,
+    PANEL,
+    PANEL_HEIGHT,
+    PERFORMER_COLORS,
+    PROBLEM_COLOR,
+    draw,
+)
 
 GAP = 12
 LENS = Lens(320, 240, 262.5)
@@ -48,16 +57,13 @@ def test_joints_are_drawn_where_the_lens_projects_them_on_colour_and_depth(pictu
     confidence = np.ones(20)
     confidence[JOINT_INDEX["knee_left"]] = 0.5
     image = drawn(report_of(confidence, picture))
-    for panel in range(2):
+    for panel, color in enumerate([(90, 40, 140), shaded(picture.depth)[0, 0]]):
         corner = np.array([GAP + panel * (640 + GAP), GAP])
         for name, index in JOINT_INDEX.items():
             place = corner + 2 * LENS.project(POSE[index])
             assert near(image, place, INFERRED_COLOR if name == "knee_left" else BLUE), name
-    for panel, color in enumerate([(90, 40, 140), shaded(picture.depth)[0, 0]]):
-        left = GAP + panel * (640 + GAP)
-        np.testing.assert_array_equal(
-            image[GAP + 100 : GAP + PANEL_HEIGHT, left : left + 150], np.broadcast_to(color, (380, 150, 3))
-        )
+        left = image[GAP + 100 : GAP + PANEL_HEIGHT, corner[0] : corner[0] + 150]
+        np.testing.assert_array_equal(left, np.broadcast_to(color, left.shape))
 
 
 def test_lost_joints_and_those_behind_the_sensor_are_not_drawn(picture):
@@ -77,10 +83,9 @@ def test_without_an_image_performers_are_drawn_from_the_front_with_the_right_han
     confidence = np.ones(20)
     confidence[JOINT_INDEX["hand_right"]] = 0.5
     front = drawn(report_of(confidence))[GAP : GAP + PANEL_HEIGHT, GAP : GAP + PANEL_HEIGHT]
-    body = places_of(front, BLUE)
-    hand = places_of(front, INFERRED_COLOR)
-    assert hand[:, 0].mean() < body[:, 0].mean()
-    assert hand[:, 1].mean() > body[:, 1].min()
+    body, hand = places_of(front, BLUE), places_of(front, INFERRED_COLOR).mean(axis=0)
+    assert hand[0] < body[:, 0].mean()
+    assert hand[1] > body[:, 1].min()
 
 
 def test_from_above_the_distances_to_the_sensor_are_true():
@@ -103,9 +108,8 @@ def test_a_report_without_performers_is_drawn_too():
 
 
 def test_problems_are_written_below_in_their_own_colour(picture):
-    black = Picture(0.0, LENS, picture.color * 0, picture.depth)
-    bad, good = report_of(1, black), report_of(1, picture)
-    assert len(places_of(drawn(bad, diagnose(bad))[PANEL_HEIGHT + GAP :], source_view.PROBLEM_COLOR)) > 0
-    words = drawn(good, diagnose(good))[PANEL_HEIGHT + GAP :]
-    assert len(places_of(words, source_view.PROBLEM_COLOR)) == 0
-    assert len(places_of(words, source_view.OK_COLOR)) > 0
+    for shown, is_bad in ((replace(picture, color=picture.color * 0), True), (picture, False)):
+        report = report_of(1, shown)
+        words = drawn(report, diagnose(report))[PANEL_HEIGHT + GAP :]
+        assert (len(places_of(words, PROBLEM_COLOR)) > 0) == is_bad
+        assert is_bad or len(places_of(words, OK_COLOR)) > 0

@@ -10,6 +10,7 @@ import aiohttp
 import pytest
 
 from engine_bridge.studio.server import StudioSettings, served
+from puppetline.errors import PuppetlineError
 
 TIMEOUT_SECONDS = 400.0
 """Time after which a test fails, in seconds; the first start of a service compiles."""
@@ -69,37 +70,18 @@ class RunningStudio:
 
     async def enter(self, token):
         """Connect a page, and return its greeting."""
-        async with self.page(token) as page:
-            return page.hello
-
-    def page(self, token=None):
-        """Connect a page."""
-        return connected(self.address, token or self.session)
-
-    def ask(self, *requests):
-        """Send requests over a connection of their own, one after another; return the whole replies."""
-
-        async def all_of_them():
-            async with self.page() as page:
-                return [await page.ask(do, **arguments) for do, arguments in requests]
-
-        return self.run(all_of_them())
-
-    def results(self, *requests):
-        """Return the results of requests that must succeed."""
-        replies = self.ask(*requests)
-        assert all(reply["ok"] for reply in replies), replies
-        return [reply["result"] for reply in replies]
+        async with connected(self.address, token) as socket:
+            return (await socket.receive_json())["hello"]
 
     def result(self, do, **arguments):
         """Return the result of a request that must succeed."""
-        return self.results((do, arguments))[0]
+        return json.loads(json.dumps(self.run(self.served.studio.answer({"id": 0, "do": do, **arguments}))))
 
     def error(self, do, **arguments):
         """Return the error of a request that must fail."""
-        (reply,) = self.ask((do, arguments))
-        assert not reply["ok"], reply
-        return reply["error"]
+        with pytest.raises(PuppetlineError) as caught:
+            self.result(do, **arguments)
+        return self.served.studio.workspace.told(caught.value)
 
     @property
     def state(self):
@@ -110,13 +92,15 @@ class RunningStudio:
         """Return the first state for which a function is true."""
 
         async def wait():
-            async with asyncio.timeout(TIMEOUT_SECONDS), self.page() as page:
-                while True:
-                    state = await page.state()
-                    if is_true(state):
-                        return state
+            studio, changed = self.served.studio, asyncio.Event()
+            unwatch = studio.watch(lambda _: changed.set())
+            while not is_true(state := studio.state.model_dump(mode="json")):
+                await changed.wait()
+                changed.clear()
+            unwatch()
+            return state
 
-        return self.run(wait())
+        return self.run(asyncio.wait_for(wait(), TIMEOUT_SECONDS))
 
     def http(self, method, path, **more):
         """Send a request without a session token; return status, headers and body."""
@@ -124,6 +108,19 @@ class RunningStudio:
         async def send():
             async with aiohttp.ClientSession() as http, http.request(method, self.address + path, **more) as response:
                 return response.status, response.headers, await response.read()
+
+        return self.run(send())
+
+    def closed_with(self, path, *frames):
+        """Return the code with which a WebSocket is closed after some frames."""
+
+        async def send():
+            async with aiohttp.ClientSession() as http, http.ws_connect(self.address + path) as socket:
+                for frame in frames:
+                    await (socket.send_bytes if isinstance(frame, bytes) else socket.send_str)(frame)
+                while not socket.closed:
+                    await socket.receive()
+                return socket.close_code
 
         return self.run(send())
 
@@ -147,45 +144,17 @@ class RunningStudio:
 
 @contextlib.asynccontextmanager
 async def connected(address, token):
-    """Connect a page to a studio at an address."""
+    """Connect a page to a studio at an address; its greeting comes next."""
     async with aiohttp.ClientSession() as http, http.ws_connect(f"{address}/api", max_msg_size=0) as socket:
         await socket.send_json({"token": token})
-        yield Page(socket, (await socket.receive_json())["hello"])
+        yield socket
 
 
-class Page:
-    """A page that is connected to ``/api``; it reads all the time, as a browser does."""
-
-    def __init__(self, socket, hello):
-        self.socket, self.hello, self.events = socket, hello, []
-        self._number, self._replies = 0, {}
-        self._states = asyncio.Queue()
-        self._reader = asyncio.create_task(self._read())
-
-    async def _read(self):
-        async for frame in self.socket:
-            message = frame.json()
-            if message.get("event") == "state":
-                self._states.put_nowait(message["state"])
-            elif "event" in message:
-                self.events.append(message)
-            elif message["id"] in self._replies:
-                self._replies.pop(message["id"]).set_result(message)
-
-    async def ask(self, do, **arguments):
-        """Send a request, and return its reply."""
-        self._number += 1
-        return await self.send({"id": self._number, "do": do, **arguments})
-
-    async def send(self, request):
-        """Send a frame with an id, and return its reply."""
-        reply = self._replies[request["id"]] = asyncio.get_running_loop().create_future()
-        await self.socket.send_json(request)
-        return await asyncio.wait_for(reply, TIMEOUT_SECONDS)
-
-    async def state(self):
-        """Return the next state that is pushed."""
-        return await asyncio.wait_for(self._states.get(), TIMEOUT_SECONDS)
+async def received(socket, is_wanted):
+    """Return the next frame for which a function is true."""
+    while not is_wanted(frame := await socket.receive_json(timeout=TIMEOUT_SECONDS)):
+        pass
+    return frame
 
 
 @pytest.fixture(scope="session")

@@ -1,15 +1,11 @@
 """The page of `puppetline studio` in a browser: from an empty page to an exported file, and what goes wrong."""
 
-import re
-
-import numpy as np
 import psutil
 import pytest
-from puppetline.examples.performances import PERFORMANCES
 
 from engine_bridge.character.examples import prepare
 
-from .page_driver import RULES, TIMEOUT_SECONDS, Window, running, violations
+from .page_driver import RULES, TIMEOUT_SECONDS, running, violations
 
 pytestmark = pytest.mark.slow
 
@@ -60,30 +56,6 @@ def test_an_own_mesh_moves_after_at_most_six_clicks_and_the_page_says_what_is_un
     window.page.get_by_text("What Puppetline guessed").click()
 
 
-def test_a_recording_that_is_dropped_on_the_page_performs(window):
-    """The recording is in the format of UTKinect-Action3D."""
-    rows = [
-        " ".join([str(frame + 1), *(f"{x:.5f}" for x in np.nan_to_num(positions).ravel())])
-        for frame, positions in enumerate(PERFORMANCES["rear"]().positions)
-    ]
-    held = window.page.evaluate_handle(
-        "([name, text]) => { const held = new DataTransfer(); held.items.add(new File([text], name)); return held; }",
-        ["rear.txt", "\n".join(rows) + "\n"],
-    )
-    window.page.dispatch_event("body", "dragover", {"dataTransfer": held})
-    hint = window.page.get_by_text("Drop the file to open it")
-    hint.wait_for()
-    window.page.dispatch_event("body", "drop", {"dataTransfer": held})
-    hint.wait_for(state="detached")
-    window.until("state.server.source.kind === 'upload' && state.server.source.name === 'rear.txt'")
-    window.idle()
-    window.button("Change…").click()
-    window.until("state.sources")  # the list is complete, and stays where it is
-    window.page.locator(".sources").get_by_role("button", name="Walk", exact=True).click()
-    window.until("state.server.source.name === 'walk'")
-    window.idle()
-
-
 OVERLAPS = """() => {
   const shown = [...document.querySelectorAll("header button, header select, .strip button, .drawers button")].filter(
     (each) => each.checkVisibility() && !each.closest(".dialog"));
@@ -99,9 +71,7 @@ OVERLAPS = """() => {
 """JavaScript: the controls that overlap each other or the edge of the window."""
 
 
-def test_the_film_fits_each_window_shows_a_recording_and_a_dragged_character_stays_where_it_is_put(
-    studio, browser, window
-):
+def test_the_film_fits_each_window_and_a_dragged_character_stays_where_it_is_put(studio, browser, window):
     film = studio.open(browser, face="film", viewport={"width": 1920, "height": 1080})
     film.until(f"{MOVES} && state.portraits.pegasus")
     for width, height in ((1920, 1080), (820, 1180), (390, 844)):
@@ -109,16 +79,6 @@ def test_the_film_fits_each_window_shows_a_recording_and_a_dragged_character_sta
         assert film.page.evaluate(OVERLAPS) == []
         assert film.page.evaluate("document.documentElement.scrollWidth <= innerWidth")
     film.page.set_viewport_size({"width": 1280, "height": 720})
-    film.page.keyboard.press("r")
-    film.until("state.count === null && state.recordedFrom !== null")
-    film.until("document.querySelector('.recording-frame')?.checkVisibility()")
-    film.until("state.server.stages.some((stage) => stage.recording && stage.count_in === 0)")  # else no take is kept
-    film.frames(30)
-    width = "document.querySelector('.growing').getBoundingClientRect().width"
-    first = film.page.evaluate(width)
-    film.until(f"{width} > {first}")
-    film.page.keyboard.press("r")
-    film.until("state.film.present.takes.length === 1 && state.busy.length === 0")
     place = "state.server.film.scene.character[0].position"
     before = film.until(place)
     box = film.page.locator(".overlay").bounding_box()
@@ -128,8 +88,6 @@ def test_the_film_fits_each_window_shows_a_recording_and_a_dragged_character_sta
     film.until(f"Math.abs(studio.viewer.figures.get('pegasus').group.position.x - {moved[0]}) < 1e-6")
     film.page.keyboard.press("Control+z")
     film.until(f"{place}[0] === {before[0]}")
-    film.page.keyboard.press("Control+z")
-    film.until("state.server.film.takes.length === 0")
     film.close()
 
 
@@ -142,30 +100,16 @@ def test_a_narrow_page_opens_its_side_panels_records_and_plays(studio, browser, 
     for shown in (True, False):
         narrow.button("Performer").click()
         assert narrow.button("Start from this pose").is_visible() == shown
-    record(narrow)
+    narrow.button("Record").click()
+    narrow.until("state.server.recording && !state.count")
+    narrow.frames(60)
+    narrow.button("Stop recording").click()
+    narrow.until("state.server.takes.length === 1 && !state.server.recording")
     narrow.button("Play").click()
     narrow.until("state.server.timeline?.takes.length")
     assert narrow.page.evaluate(OVERLAPS) == []
     assert narrow.page.evaluate("document.documentElement.scrollWidth <= innerWidth")
     narrow.close()
-
-
-def test_two_windows_see_the_same_and_so_does_one_that_is_loaded_again(browser, window):
-    window.button("Another window…").click()
-    text = window.until("state.notice?.level === 'info' && state.notice.text")
-    other = Window(browser.new_context(), re.search(r"http://\S+", text)[0])
-    other.until(f"{MOVES} && state.puppets[state.character]")
-    assert other.puppet == window.puppet
-    window.tab("Motion")
-    before = other.puppet
-    window.page.get_by_label("Hands meet").click()
-    other.edited(before)
-    window.idle()
-    assert other.puppet == window.puppet
-    other.page.reload()
-    other.until(f"{MOVES} && state.puppets[state.character]")
-    assert other.puppet == window.puppet
-    other.close()
 
 
 def test_a_service_that_is_killed_starts_again_and_nothing_is_lost(studio, window):
@@ -216,18 +160,6 @@ def test_axe_finds_no_serious_violation(studio, browser, window):
     other.close()
 
 
-def record(window):
-    """Record two seconds of the performer with the button, and return the name of the take."""
-    before = [each["name"] for each in window.state("server.takes")]
-    window.button("Record").click()
-    window.until("state.server.recording && !state.count")
-    window.frames(60)
-    window.button("Stop recording").click()
-    takes = window.until(f"state.server.takes.length > {len(before)} && !state.server.recording && state.server.takes")
-    (name,) = {each["name"] for each in takes} - set(before)
-    return name
-
-
 def test_a_browser_without_3d_is_told_what_it_needs(studio, browser, window):
     context = browser.new_context()
     context.set_default_timeout(1000 * TIMEOUT_SECONDS)
@@ -236,3 +168,16 @@ def test_a_browser_without_3d_is_told_what_it_needs(studio, browser, window):
     page.goto(studio.last_address)
     page.get_by_role("alert").get_by_text("The studio needs WebGL 2.").wait_for()
     context.close()
+
+
+def test_a_recording_that_is_dropped_on_the_page_performs(window, take):
+    """This is the last test: the recording ends."""
+    held = window.page.evaluate_handle(
+        "(text) => { const held = new DataTransfer(); held.items.add(new File([text], 'take.log')); return held; }",
+        take.read_text(),
+    )
+    hint = window.page.get_by_text("Drop the file to open it")
+    for event, state in (("dragover", "visible"), ("drop", "detached")):
+        window.page.dispatch_event("body", event, {"dataTransfer": held})
+        hint.wait_for(state=state)
+    window.until("state.server.source.kind === 'upload' && state.server.source.name === 'take.log'")

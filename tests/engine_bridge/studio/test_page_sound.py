@@ -2,11 +2,9 @@
 
 import numpy as np
 import pytest
-from puppetline.examples.performances import PERFORMANCES
 
 from capture.events import Cue
-from capture.recording import Recorder
-from capture.skeleton import JOINTS, SkeletonFrame
+from capture.skeleton import JOINT_INDEX
 from capture.sound import WavWriter
 
 from .page_driver import Window, running
@@ -72,23 +70,18 @@ page shows from 2.4 to 5 seconds."""
 
 
 @pytest.fixture(scope="module")
-def studio(limbed_puppet, tmp_path_factory):
+def studio(limbed_puppet, standing, frames, record_events, tmp_path_factory):
     """A studio with a film of one take: an arm rises, and the sound rises with it."""
     folder = tmp_path_factory.mktemp("studio")
     (folder / "takes").mkdir()
-    clip = PERFORMANCES["rear"]()
-    arm = [JOINTS.index(f"{joint}_left") for joint in ("elbow", "wrist", "hand")]
-    frame = next(iter(clip.frames()))
-    with Recorder(folder / "takes" / "rise.log") as recorder:
-        recorder.write(Cue(5.0, "sound", {"file": "rise.wav", "at": 5.0 - EARLY_SECONDS}))
-        for number in range(round(30 * SECONDS) + 1):
-            angle = np.pi * number / (30 * SECONDS)
-            positions = frame.positions.copy()
-            shoulder = positions[JOINTS.index("shoulder_left")]
-            side = np.sign(shoulder[0] - positions[JOINTS.index("shoulder_right")][0])
-            lengths = np.linalg.norm(positions[arm] - shoulder, axis=1)
-            positions[arm] = shoulder + lengths[:, None] * [side * np.sin(angle), -np.cos(angle), 0.0]
-            recorder.write(SkeletonFrame(5.0 + number / 30, 1, positions, frame.confidence))
+    shoulder, *arm = (JOINT_INDEX[f"{joint}_left"] for joint in ("shoulder", "elbow", "wrist", "hand"))
+    lengths = np.linalg.norm(standing[arm] - standing[shoulder], axis=1)
+    angles = np.linspace(0, np.pi, round(30 * SECONDS) + 1)[:, None, None]
+    positions = np.tile(standing, (len(angles), 1, 1))
+    way = np.concatenate([-np.sin(angles), -np.cos(angles), 0 * angles], axis=2)
+    positions[:, arm] = standing[shoulder] + lengths[:, None] * way
+    cue = Cue(5.0, "sound", {"file": "rise.wav", "at": 5.0 - EARLY_SECONDS})
+    record_events(folder / "takes" / "rise.log", [cue, *frames(positions, 5.0)])
     with WavWriter(folder / "takes" / "rise.wav") as writer:
         writer.write((np.arange(48_000 * 8) / 48_000 / FULL_SECONDS).astype(np.float32))
     name = limbed_puppet.stem

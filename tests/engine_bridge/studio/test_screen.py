@@ -112,9 +112,8 @@ def film_screen(tmp_path_factory, take, blob_puppet, free_port):
     """The address of the screen of a kiosk where nobody is, and a visitor's film is offered."""
     folder = tmp_path_factory.mktemp("film")
     player = SimpleNamespace(character=SimpleNamespace(name="blob"), document=SimpleNamespace(path=blob_puppet), user=1)
-    clip = Clip.begin(
-        visitors_folder(folder / "takes"), SimpleNamespace(players=[player]), KioskTable(size=(160, 90)), 0.0
-    )
+    stage, table = SimpleNamespace(players=[player]), KioskTable(size=(160, 90))
+    clip = Clip.begin(visitors_folder(folder / "takes"), stage, table, 0.0)
     clip.path.write_bytes(take.read_bytes())
     made = CliRunner().invoke(main, ["film", str(clip.scene), "-o", str(clip.film), "--share"])
     assert made.exit_code == 0, made.output

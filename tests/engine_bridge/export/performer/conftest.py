@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from capture.clip import SkeletonClip
 from capture.skeleton import to_character_axes
 from capture.sources.demo import performances
 from capture.timeline import resample
 from engine_bridge.export.performer.motion import motion_of
+
+from ...bones import in_world
 
 OF_JOINTS = {
     "hip_center": "hips",
@@ -28,18 +29,14 @@ OF_JOINTS = {
 
 def joints_of(motion):
     """Return the positions (F, 3) of joints and tips by forward kinematics."""
-    skeleton, places, turns = motion.body.skeleton, {}, {}
-    for row, joint in enumerate(skeleton.joints):
-        own = Rotation.from_quat(motion.rotations[:, row])
-        if joint.parent < 0:
-            places[joint.name], turns[joint.name] = motion.hips, own
-            continue
-        above = skeleton.joints[joint.parent]
-        places[joint.name] = places[above.name] + turns[above.name].apply(joint.head - above.head)
-        turns[joint.name] = turns[above.name] * own
+    skeleton = motion.body.skeleton
+    above = [skeleton.heads[joint.parent] for joint in skeleton.joints]
+    offsets = [motion.hips, *(skeleton.heads - above)[1:]]  # of the hips and of what hangs on them
+    found = in_world(skeleton, offsets, motion.rotations.swapaxes(0, 1))
+    places = {name: place for name, (place, _) in found.items()}
     for name, tip in motion.body.tips.items():
-        head = skeleton.heads[skeleton.names.index(name)]
-        places[f"{name}_end"] = places[name] + turns[name].apply(tip - head)
+        place, turn = found[name]
+        places[f"{name}_end"] = place + turn.apply(tip - skeleton.heads[skeleton.names.index(name)])
     return places
 
 

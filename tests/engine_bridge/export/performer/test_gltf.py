@@ -2,13 +2,16 @@ import json
 from itertools import pairwise
 
 import numpy as np
-import pygltflib as gltf
 import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation, Slerp
 
+from engine_bridge.character.document_reader import load_document
+from engine_bridge.character.scene import world_transforms
 from engine_bridge.export.performer.gltf import skeleton_animation, vrm_animation
 from engine_bridge.export.performer.motion import PerformerMotion
+from engine_bridge.export.rig_file import RigSettings
+from engine_bridge.export.vrm_file import write_vrm
 
 from .conftest import joints_of
 
@@ -35,25 +38,12 @@ def at_times(motion, times):
 
 
 @pytest.fixture(scope="module")
-def avatar(new_glb, motion, tmp_path_factory):
+def avatar(limbed_puppet, tmp_path_factory):
     """A VRM with other proportions than the performer's, long arms and short legs, and other axes of its bones."""
-    glb, skeleton = new_glb(), motion.body.skeleton
-    heads = skeleton.heads * [1.7, 0.6, 1.0] + [0.0, 0.02, 0.05]
-    turns = Rotation.random(len(heads), random_state=7)
-    for row, joint in enumerate(skeleton.joints):
-        above = turns[joint.parent].inv() if joint.parent >= 0 else Rotation.identity()
-        offset = above.apply(heads[row] - (heads[joint.parent] if joint.parent >= 0 else 0))
-        children = np.flatnonzero(skeleton.parents == row).tolist()
-        rotation = (above * turns[row]).as_quat().tolist()
-        glb.file.nodes.append(
-            gltf.Node(name=f"b{row}", translation=offset.tolist(), rotation=rotation, children=children)
-        )
-    glb.file.scenes, glb.file.scene = [gltf.Scene(nodes=[0])], 0
-    glb.file.extensionsUsed = ["VRMC_vrm"]
-    bones = {name: {"node": row} for row, name in enumerate(skeleton.names)}
-    meta = {"name": "Test", "authors": ["Test"], "licenseUrl": "https://vrm.dev/licenses/1.0/"}
-    glb.file.extensions = {"VRMC_vrm": {"specVersion": "1.0", "meta": meta, "humanoid": {"humanBones": bones}}}
-    return glb.save(tmp_path_factory.mktemp("avatar") / "avatar.vrm")
+    path = tmp_path_factory.mktemp("avatar") / "avatar.vrm"
+    stated = {"name": "Test", "authors": ["Test"], "licence": "https://vrm.dev/licenses/1.0/"}
+    write_vrm(limbed_puppet, path, RigSettings(), stated)
+    return path
 
 
 def assert_same_directions(played, places):
@@ -80,17 +70,14 @@ def test_programs_show_the_bones_where_the_joints_are(second, player, tmp_path, 
     (positions,) = shown.meshes.values()
     places = joints_of(at_times(second, np.clip(shown.times, 0, 1)))
     skeleton, tips = second.body.skeleton, second.body.tips
+    heads = dict(zip(skeleton.names, skeleton.heads, strict=True))
     ends = [(skeleton.names[joint.parent], joint.name) for joint in skeleton.joints if joint.parent >= 0]
-    ends = [
-        pair
-        for pair in ends
-        if np.linalg.norm(np.diff(skeleton.heads[[skeleton.names.index(n) for n in pair]], axis=0))
-    ]
+    ends = [(start, end) for start, end in ends if (heads[start] != heads[end]).any()]
     ends += [(name, f"{name}_end") for name in tips]
     assert positions.shape == (TIMES, 6 * len(ends), 3)
     for number, (start, end) in enumerate(ends):  # the joint and its child are the last two of six corners
-        assert_allclose(positions[:, 6 * number + 4], places[start], rtol=0, atol=2e-6 * second.body.height)
-        assert_allclose(positions[:, 6 * number + 5], places[end], rtol=0, atol=2e-6 * second.body.height)
+        bone = positions[:, 6 * number + 4 : 6 * number + 6].swapaxes(0, 1)
+        assert_allclose(bone, [places[start], places[end]], rtol=0, atol=2e-6 * second.body.height)
 
 
 def test_an_avatar_with_other_proportions_has_the_performers_directions(second, avatar, node, tmp_path):
@@ -98,8 +85,9 @@ def test_an_avatar_with_other_proportions_has_the_performers_directions(second, 
     played = json.loads(node("play_vrma.mjs", avatar, tmp_path / "second.vrma", str(TIMES)))
     assert played["warnings"] == []
     places = joints_of(at_times(second, np.clip(played["times"], 0, 1)))
-    rest = dict(zip(second.body.skeleton.names, second.body.skeleton.heads, strict=True))
     assert_same_directions(played, places)
     hips = np.array(played["bones"]["hips"])
-    scale = (0.6 * rest["hips"][1] + 0.02) / rest["hips"][1]
+    document = load_document(avatar)
+    node = document.gltf["extensions"]["VRMC_vrm"]["humanoid"]["humanBones"]["hips"]["node"]
+    scale = world_transforms(document)[node][1, 3] / second.body.skeleton.heads[0][1]
     assert_allclose(hips - hips[0], scale * (places["hips"] - places["hips"][0]), atol=1e-6)

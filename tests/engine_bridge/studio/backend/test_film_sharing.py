@@ -47,10 +47,11 @@ def test_a_phone_opens_the_film_at_the_address_of_the_qr_code_until_the_studio_e
         last = shared[-1]
         assert base64.b64decode(last.code) == qr_code(last.address)
         assert workspace.downloads[last.poster].path.read_bytes() == b".jpg"
-        replies = await fetched(last.address, f"{last.address}.mp4", f"{last.address}.gif", shared[0].address)
-        assert [status for status, _ in replies] == [200, 200, 200, 404]
-        assert [body for _, body in replies[1:3]] == [b"a film", b".gif"]
-        assert film_sharing.NOTE.encode() in replies[0][1]
+        page, video, gif, first = await fetched(
+            last.address, f"{last.address}.mp4", f"{last.address}.gif", shared[0].address
+        )
+        assert (video, gif, page[0], first[0]) == ((200, b"a film"), (200, b".gif"), 200, 404)
+        assert film_sharing.NOTE.encode() in page[1]
         assert len({urlsplit(each.address).port for each in shared}) == 1
         assert len(list((workspace.folder / "shared").iterdir())) == 3 * MAX_SHARED
         await sharing.close()

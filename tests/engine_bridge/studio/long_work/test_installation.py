@@ -7,6 +7,8 @@ import pytest
 from engine_bridge.studio.long_work import installation
 from puppetline.errors import ServiceError
 
+from ...refusals import refused
+
 
 @pytest.fixture
 def pip(monkeypatch, tmp_path):
@@ -38,9 +40,8 @@ def test_the_packages_of_an_extra_are_installed_with_progress(pip, monkeypatch):
 
 def test_an_error_of_pip_is_told(pip):
     pip(1)
-    with pytest.raises(ServiceError) as caught:
-        installation.install_extra("camera", lambda *_: None)
-    assert caught.value.found.endswith("ERROR: no network")
+    error = refused(ServiceError, installation.install_extra, "camera", lambda *_: None)
+    assert error.found.endswith("ERROR: no network")
 
 
 def test_an_extra_is_installed_if_its_modules_are_found(monkeypatch):

@@ -12,19 +12,18 @@ from capture.sound import SAMPLE_RATE, WavWriter, read_wav
 from engine_bridge.studio.long_work.trimming import trimmed
 from puppetline.errors import SkeletonLogError
 
+from ...refusals import refused
+
 
 @pytest.fixture
-def walk_take(tmp_path):
+def walk_take(record_events, tmp_path):
     """A take that begins at second 100 with the state of its stage."""
-    path = tmp_path / "take.log"
-    with Recorder(path) as recorder:
-        recorder.write(Cue(100.0, "stage", {"time": 100.0, "characters": {}}))
-        recorder.write(Tick(100.0))
-        for frame in PERFORMANCES["walk"]().frames():
-            recorder.write(replace(frame, time=100.0 + frame.time))
-            if frame.time >= 1.0:
-                recorder.write(Cue(100.0 + frame.time, "calibrate", {"character": "dog"}))
-    return path
+    events = [Cue(100.0, "stage", {"time": 100.0, "characters": {}}), Tick(100.0)]
+    for frame in PERFORMANCES["walk"]().frames():
+        events.append(replace(frame, time=100.0 + frame.time))
+        if frame.time >= 1.0:
+            events.append(Cue(100.0 + frame.time, "calibrate", {"character": "dog"}))
+    return record_events(tmp_path / "take.log", events)
 
 
 def test_a_part_has_the_frames_between_two_seconds_its_beginning_and_no_other_command(walk_take, tmp_path):
@@ -55,8 +54,7 @@ def test_a_part_keeps_its_part_of_the_sound(walk_take, tmp_path):
 
 
 def test_a_part_without_a_skeleton_is_refused(walk_take, tmp_path):
-    with pytest.raises(SkeletonLogError):
-        trimmed(walk_take, tmp_path / "part.log", 500.0, 501.0)
+    refused(SkeletonLogError, trimmed, walk_take, tmp_path / "part.log", 500.0, 501.0)
     assert not (tmp_path / "part.log").exists()
 
 

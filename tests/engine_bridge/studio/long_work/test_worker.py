@@ -103,12 +103,11 @@ def test_a_task_that_fails_costs_nothing_but_itself(tasks, task, where, found):
         worker = Worker()
         with pytest.raises(PuppetlineError) as caught:
             await worker.run(task, seconds=60 if task != "sleep" else 1)
-        assert (caught.value.where, caught.value.found) == (where, found)
         result = await worker.run("double", 4)
         await worker.close()
-        return result["twice"]
+        return caught.value.where, caught.value.found, result["twice"]
 
-    assert asyncio.run(run()) == 8
+    assert asyncio.run(run()) == (where, found, 8)
 
 
 def test_cancelling_ends_the_work_and_not_what_waits(tasks):
@@ -124,6 +123,5 @@ def test_cancelling_ends_the_work_and_not_what_waits(tasks):
         return results
 
     first, second, third = asyncio.run(run())
-    assert isinstance(first, asyncio.CancelledError)
     assert second["twice"] == 2
-    assert isinstance(third, asyncio.CancelledError)
+    assert all(isinstance(each, asyncio.CancelledError) for each in (first, third))

@@ -3,20 +3,12 @@
 import pytest
 
 from engine_bridge.film import scene
-from engine_bridge.film.scene import (
-    BackgroundTable,
-    BubbleTable,
-    CameraTable,
-    CharacterTable,
-    FilmTable,
-    MusicTable,
-    SceneError,
-    TakeTable,
-    TitleTable,
-)
+from engine_bridge.film.scene import BubbleTable, CameraTable, MusicTable, SceneError, TakeTable
 from engine_bridge.studio.messages.film import FilmScene
 from engine_bridge.studio.project.film_file import FilmFile
 from puppetline.errors import ServiceError
+
+from ...refusals import refused
 
 HAND = """# our first film
 [film]
@@ -78,13 +70,13 @@ def test_what_was_written_by_hand_stays_and_omitted_times_are_those_that_apply(f
 def test_tables_of_the_scene_are_replaced_where_they_differ_and_come_back_as_they_were(film):
     film.path.write_text(HAND)
     before, takes = film.scene, film.takes
-    dog = CharacterTable(name="dog", puppet="/etc/passwd", position=(1.0, 0.0), height=0.5, color="red")
+    dog = scene.CharacterTable(name="dog", puppet="/etc/passwd", position=(1.0, 0.0), height=0.5, color="red")
     wanted = FilmScene(
-        film=FilmTable(size=(640, 360), fade_in=1.0),
+        film=scene.FilmTable(size=(640, 360), fade_in=1.0),
         character=(dog,),
         music=MusicTable(loop="calm"),
         camera=(CameraTable(), CameraTable(at=2.0, shot="close", show=("dog",))),
-        background=BackgroundTable(set="snow"),
+        background=scene.BackgroundTable(set="snow"),
         title=before.title,
         bubble=(BubbleTable(character="dog", text="Woof"),),
     )
@@ -121,8 +113,8 @@ def test_new_characters_stand_beside_the_others_without_touching_them_and_leave_
         {"camera": (CameraTable(show=("cat",)),)},
         {"camera": (CameraTable(at=1.0), CameraTable(at=1.0))},
         {"music": MusicTable(file="../secret.mp3")},
-        {"background": BackgroundTable(picture="/etc/passwd")},
-        {"title": (TitleTable(text="Hi", font="/etc/passwd"),)},
+        {"background": scene.BackgroundTable(picture="/etc/passwd")},
+        {"title": (scene.TitleTable(text="Hi", font="/etc/passwd"),)},
     ],
 )
 def test_a_scene_that_does_not_fit_or_names_other_files_changes_nothing(film, wrong):
@@ -138,22 +130,15 @@ def test_two_takes_of_a_character_never_begin_at_the_same_time(film):
 
 
 def test_no_request_puts_another_file_into_the_film(film):
-    with pytest.raises(ServiceError) as caught:
-        film.replace([TakeTable(character="dog", file="/etc/passwd")], ["takes/take-1.log"])
-    assert caught.value.found == "the file '/etc/passwd'"
+    taken = [TakeTable(character="dog", file="/etc/passwd")]
+    assert refused(ServiceError, film.replace, taken, ["takes/take-1.log"]).found == "the file '/etc/passwd'"
     film.remove("dog")
     assert not film.path.exists()
 
 
-def test_a_wrong_table_is_told_and_nothing_is_written_over_it(film):
+def test_a_mistake_of_a_person_is_told_and_nothing_is_written_over_it(film):
     film.path.write_text(HAND.replace("height = 0.9", "height = -1"))
-    with pytest.raises(SceneError):
-        film.replace([], [], FilmScene())
+    refused(SceneError, film.replace, [], [], FilmScene())
     assert "height = -1" in film.path.read_text()
-
-
-def test_a_mistake_of_a_person_is_told_with_its_line(film):
     film.path.write_text("[film\n")
-    with pytest.raises(SceneError) as caught:
-        film.takes  # noqa: B018
-    assert "line 1" in caught.value.found
+    assert "line 1" in refused(SceneError, lambda: film.takes).found

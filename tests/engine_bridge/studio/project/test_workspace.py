@@ -8,6 +8,8 @@ from engine_bridge.studio.project import workspace as module
 from engine_bridge.studio.project.workspace import UploadError, Workspace, file_name, shown
 from puppetline.errors import OutputError, ServiceError
 
+from ...refusals import refused
+
 
 async def parts(*chunks):
     for chunk in chunks:
@@ -53,12 +55,6 @@ def test_a_safe_name_resembles_that_of_the_page(name, made):
     assert file_name(name) == made
 
 
-def found_by(error, act, *arguments, **more):
-    with pytest.raises(error) as caught:
-        act(*arguments, **more)
-    return caught.value.found
-
-
 def test_an_upload_is_written_and_kept(workspace):
     path = receive(workspace, "../my dog.obj", b"v 0 0 0\n", b"v 1 0 0\n")
     assert path.read_bytes() == b"v 0 0 0\nv 1 0 0\n"
@@ -67,10 +63,10 @@ def test_an_upload_is_written_and_kept(workspace):
     upload = workspace.keep("../my dog.obj", path, "character", {})
     assert (upload.name, upload.bytes) == ("my dog.obj", 16)
     assert workspace.upload(upload.id, "character") is upload
-    assert found_by(ServiceError, workspace.upload, upload.id, "log") == "a mesh"
+    assert refused(ServiceError, workspace.upload, upload.id, "log").found == "a mesh"
     workspace.delete_upload(upload.id)
     assert files(workspace) == []
-    assert found_by(ServiceError, workspace.upload, upload.id).startswith("no upload")
+    assert refused(ServiceError, workspace.upload, upload.id).found.startswith("no upload")
 
 
 def test_an_upload_that_is_too_large_or_breaks_off_leaves_nothing(workspace, monkeypatch):
@@ -80,9 +76,8 @@ def test_an_upload_that_is_too_large_or_breaks_off_leaves_nothing(workspace, mon
 
     monkeypatch.setattr(module, "MAX_UPLOAD_BYTES", 10)
     for chunks, size in (((b"12345678", b"12345678"), None), ((b"",), 11)):
-        assert found_by(UploadError, receive, workspace, "a.obj", *chunks, size=size) == "a larger file"
-    with pytest.raises(OutputError):
-        asyncio.run(workspace.receive("a", None, broken()))
+        assert refused(UploadError, receive, workspace, "a.obj", *chunks, size=size).found == "a larger file"
+    refused(OutputError, lambda: asyncio.run(workspace.receive("a", None, broken())))
     assert files(workspace) == []
     assert receive(workspace, "a.obj", b"1234567890").read_bytes() == b"1234567890"
 
@@ -96,9 +91,9 @@ def test_all_uploads_together_are_bounded(workspace, monkeypatch, keep):
         workspace.keep("a", path, "log", {})
     else:
         workspace.keep_media(path)
-    assert found_by(UploadError, receive, workspace, "b", b"123") == "a larger file"
+    assert refused(UploadError, receive, workspace, "b", b"123").found == "a larger file"
     workspace.keep("b", receive(workspace, "b", b"12"), "log", {})
-    assert found_by(UploadError, receive, workspace, "c", b"") == "2 uploads"
+    assert refused(UploadError, receive, workspace, "c", b"").found == "2 uploads"
 
 
 def test_old_exports_are_deleted(workspace, monkeypatch):
@@ -147,5 +142,4 @@ def test_a_damaged_session_counts_as_none(workspace, tmp_path):
 
 def test_a_folder_that_cannot_be_created_is_reported(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError):
-        Workspace(tmp_path / "file" / "studio")
+    refused(OutputError, Workspace, tmp_path / "file" / "studio")

@@ -1,6 +1,8 @@
 import asyncio
 import json
 
+import pytest
+
 from engine_bridge.studio.service.service_process import RETRY_SECONDS, STEADY_SECONDS, ServiceProcess
 
 
@@ -8,9 +10,13 @@ def line(event, **fields):
     return json.dumps({"level": "info", "event": event, "fields": fields})
 
 
-def test_the_state_says_what_the_first_start_compiles_until_it_serves(tmp_path):
+@pytest.fixture
+def process(tmp_path):
+    return ServiceProcess(tmp_path / "service.toml", "token", lambda: None)
+
+
+def test_the_state_says_what_the_first_start_compiles_until_it_serves(process):
     async def run():
-        process = ServiceProcess(tmp_path / "service.toml", "token", lambda: None)
         process._set(starting=True)
         process._read(line("compiling, once on this machine", functions=12))
         starting = process.state
@@ -23,12 +29,11 @@ def test_the_state_says_what_the_first_start_compiles_until_it_serves(tmp_path):
     assert (reached.stream, reached.control) == ("ws://127.0.0.1:2", "tcp://127.0.0.1:3")
 
 
-def test_it_waits_longer_after_each_failure_and_from_the_beginning_again_after_a_steady_run(tmp_path, monkeypatch):
+def test_it_waits_longer_after_each_failure_and_from_the_beginning_again_after_a_steady_run(process, monkeypatch):
     """The fourth of five runs is steady."""
     clock, waits, steady = [0.0], [], iter([False, False, False, True, False])
 
     async def run():
-        process = ServiceProcess(tmp_path / "service.toml", "token", lambda: None)
         process._wanted = True
 
         async def run_once():
@@ -48,9 +53,8 @@ def test_it_waits_longer_after_each_failure_and_from_the_beginning_again_after_a
     assert waits == [*RETRY_SECONDS[:3], *RETRY_SECONDS[:2]]
 
 
-def test_two_that_stop_it_at_once_both_wait_until_it_has_ended(tmp_path):
+def test_two_that_stop_it_at_once_both_wait_until_it_has_ended(process):
     async def run():
-        process = ServiceProcess(tmp_path / "service.toml", "token", lambda: None)
         process._keeper = ending = asyncio.create_task(asyncio.sleep(0.01))
         await asyncio.gather(process.stop(), process.stop())
         return ending.done(), process._keeper

@@ -1,119 +1,67 @@
-"""Python loads this at its start if its folder is on the path: /dev/video0 is a camera with a drawn performer, who
-speaks into a microphone for 0.3 s from each second of the motion on."""
+"""Python loads this at its start if its folder is on the path: /dev/video0 is a camera in front of a performer, and a
+microphone hears a hum."""
 
-import importlib.abc
-import importlib.util
-import sys
 import time
+from functools import cache
+
+import numpy as np
+
+from capture import sound
+from capture.sensors.source import SensorSource
+from capture.sources import registry
+from capture.trackers.picture import Lens, Person, Picture
+from engine_bridge.studio.long_work import installation
+
+LENS = Lens(640, 480, 420.0)
 
 
-class _Patch(importlib.abc.MetaPathFinder):
-    """Changes a module as soon as it is loaded."""
-
-    def __init__(self, name, change):
-        self._name, self._change = name, change
-
-    def find_spec(self, name, path=None, target=None):
-        if name != self._name:
-            return None
-        sys.meta_path.remove(self)
-        spec = importlib.util.find_spec(name)
-        run = spec.loader.exec_module
-
-        def exec_module(module):
-            run(module)
-            self._change(module)
-
-        spec.loader.exec_module = exec_module
-        return spec
-
-
-def _open_camera(registry):
-    others = registry.open_source
-    registry.open_source = lambda uri, *rest: _camera(uri) if uri == "camera:0" else others(uri, *rest)
-
-
-def _install_camera(installation):
-    others = installation.is_installed
-    installation.is_installed = lambda extra: extra in ("camera", "sound") or others(extra)
-
-
-def _plug_in_camera(sensors):
-    found = sensors.Finding("/dev/video0", True, "a virtual camera, can be opened", "")
-    sensors._cameras = lambda: iter([found])
-
-
-def _camera(uri):
-    import numpy as np
-    from PIL import Image, ImageDraw
+@cache
+def poses():
+    """The performer's motion, which only the service loads."""
     from puppetline.examples.performances import PERFORMANCES
 
-    from capture.sensors.source import SensorSource
-    from capture.skeleton import JOINT_INDEX, PARENTS
-    from capture.trackers.picture import Lens, Person, Picture
-
-    lens, clip = Lens(640, 480, 420.0), PERFORMANCES["rear"]()
-
-    def pose(moment):
-        return clip.positions[int(30 * moment) % len(clip.positions)]
-
-    class Camera:
-        name = "a virtual camera"
-
-        def read(self, timeout):
-            time.sleep(1 / 30)
-            now = time.monotonic()
-            image = Image.new("RGB", (lens.width, lens.height), (70, 92, 104))
-            pen, places = ImageDraw.Draw(image), lens.project(pose(now))
-            pen.rectangle([0, 380, lens.width, lens.height], (96, 84, 72))
-            for child, parent in PARENTS.items():
-                a, b = places[JOINT_INDEX[child]], places[JOINT_INDEX[parent]]
-                pen.line([*a, *b], (214, 170, 140), 26, "curve")
-            pen.ellipse([*(places[JOINT_INDEX["head"]] - 28), *(places[JOINT_INDEX["head"]] + 28)], (224, 184, 156))
-            return Picture(now, lens, np.asarray(image), None)
-
-        def close(self):
-            pass
-
-    class Tracker:
-        name = "a virtual tracker"
-
-        def track(self, picture):
-            return [Person(1, pose(picture.time).astype(np.float32), np.ones(20, np.float32))]
-
-        def close(self):
-            pass
-
-    return SensorSource(uri, Camera, lambda _: Tracker())
+    return PERFORMANCES["rear"]().positions
 
 
-def _plug_in_microphone(sound):
-    class Microphone:
-        rate, overflows = sound.SAMPLE_RATE, 0
+class Camera:
+    """A camera whose picture changes; the tracker knows what it sees."""
 
-        def __init__(self, device=None):
-            from puppetline.examples.performances import PERFORMANCES
+    name = "a virtual camera"
 
-            self._next, self._cycle = time.monotonic(), len(PERFORMANCES["rear"]().positions)
+    def read(self, timeout):
+        time.sleep(1 / 30)
+        now = time.monotonic()
+        return Picture(now, LENS, np.full((LENS.height, LENS.width, 3), int(30 * now) % 256, np.uint8), None)
 
-        def blocks(self):
-            import numpy as np
+    def track(self, picture):
+        pose = poses()[int(30 * picture.time) % len(poses())]
+        return [Person(1, pose.astype(np.float32), np.ones(20, np.float32))]
 
-            count = round(sound.BLOCK_SECONDS * self.rate)
-            while self._next + sound.BLOCK_SECONDS <= time.monotonic():
-                times = self._next + np.arange(count) / self.rate
-                word = (30 * times) % self._cycle % 30
-                tone = np.sin((150 + 20 * word) * word)  # rises: words of two takes cannot silence each other
-                yield sound.Block(self._next, (0.4 * tone * (word < 9)).astype(np.float32))
-                self._next += sound.BLOCK_SECONDS
-
-        def close(self):
-            pass
-
-    sound.Microphone = Microphone
+    def close(self):
+        pass
 
 
-sys.meta_path.insert(0, _Patch("capture.sound", _plug_in_microphone))
-sys.meta_path.insert(0, _Patch("capture.sources.registry", _open_camera))
-sys.meta_path.insert(0, _Patch("engine_bridge.inspection.sensors", _plug_in_camera))
-sys.meta_path.insert(0, _Patch("engine_bridge.studio.long_work.installation", _install_camera))
+class Microphone:
+    """A microphone that hears a hum."""
+
+    rate, overflows = sound.SAMPLE_RATE, 0
+
+    def __init__(self, device=None):
+        self._next = time.monotonic()
+
+    def blocks(self):
+        hum = 0.4 * np.sin(np.arange(round(sound.BLOCK_SECONDS * self.rate)) / 20)
+        while self._next + sound.BLOCK_SECONDS <= time.monotonic():
+            yield sound.Block(self._next, hum.astype(np.float32))
+            self._next += sound.BLOCK_SECONDS
+
+    def close(self):
+        pass
+
+
+others, installed = registry.open_source, installation.is_installed
+registry.open_source = lambda uri, *rest: (
+    SensorSource(uri, Camera, lambda _: Camera()) if uri == "camera:0" else others(uri, *rest)
+)
+installation.is_installed = lambda extra: extra in ("camera", "sound") or installed(extra)
+sound.Microphone = Microphone

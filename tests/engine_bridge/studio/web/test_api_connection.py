@@ -13,37 +13,22 @@ from engine_bridge.studio.web import api_connection
 from engine_bridge.studio.web.api_connection import MAX_MISTAKES
 
 from ...service.security.test_web_sockets import sizes_of_floods
-
-
-def closed_with(studio, path, *frames):
-    """Return the code with which a connection is closed after some frames."""
-
-    async def send():
-        async with aiohttp.ClientSession() as http, http.ws_connect(studio.address + path) as socket:
-            for frame in frames:
-                await (socket.send_bytes if isinstance(frame, bytes) else socket.send_str)(frame)
-            while not socket.closed:
-                await socket.receive()
-            return socket.close_code
-
-    return studio.run(send())
+from ..conftest import connected, received
 
 
 @pytest.mark.parametrize(
     "frame", ["", "token", "{}", '{"token": 3}', "[]", "null", "[" * 100_000, b"\0\1", '{"do": "ping", "id": 1}']
 )
 def test_a_client_without_a_token_is_disconnected(studio, frame):
-    assert closed_with(studio, "/api", frame) == CloseCode.NOT_UNDERSTOOD
+    assert studio.closed_with("/api", frame) == CloseCode.NOT_UNDERSTOOD
 
 
 def test_a_wrong_token_and_a_replayed_one_are_refused(studio, caplog):
     token = studio.token()
     session = studio.run(studio.enter(token))["session"]
     for refused in (token, "wrong"):
-        assert closed_with(studio, "/api", json.dumps({"token": refused})) == CloseCode.REFUSED
-    assert token not in caplog.text
-    assert session not in caplog.text
-    assert studio.run(studio.enter(session))["session"] == session
+        assert studio.closed_with("/api", json.dumps({"token": refused})) == CloseCode.REFUSED
+    assert not any(secret in caplog.text for secret in (token, session))
     address = studio.result("invite")["address"]
     assert studio.run(studio.enter(address.partition("#token=")[2]))["session"] not in (session, studio.session)
 
@@ -57,16 +42,20 @@ def test_clients_that_send_without_a_token_leave_nothing_in_memory(studio, monke
 
 
 def test_the_stream_accepts_session_tokens_only(studio):
-    assert closed_with(studio, "/stream", json.dumps({"token": studio.token()})) == CloseCode.REFUSED
-    assert closed_with(studio, "/stream", json.dumps({"token": studio.session})) == CloseCode.NO_SERVICE
+    assert studio.closed_with("/stream", json.dumps({"token": studio.token()})) == CloseCode.REFUSED
+    assert studio.closed_with("/stream", json.dumps({"token": studio.session})) == CloseCode.NO_SERVICE
 
 
 def test_the_greeting_is_followed_by_the_whole_state(studio):
     async def first():
-        async with studio.page() as page:
-            return page.hello, await page.state()
+        async with connected(studio.address, studio.session) as socket:
+            frames = [await socket.receive_json() for _ in range(2)]
+            studio.served.studio.changed()
+            return *frames, await received(socket, lambda frame: "state" in frame)
 
-    hello, state = studio.run(first())
+    hello, state, again = studio.run(first())
+    assert again == state
+    hello, state = hello["hello"], state["state"]
     assert Greeting.model_validate(hello).parents["head"] == "shoulder_center"
     assert ".glb" in hello["suffixes"]["character"]
     assert State.model_validate(state).characters == []
@@ -76,39 +65,49 @@ def test_the_greeting_is_followed_by_the_whole_state(studio):
 def test_a_page_whose_state_cannot_be_sent_is_disconnected_instead_of_showing_an_old_one(studio, monkeypatch):
     hello = json.dumps({"token": studio.session})
     monkeypatch.setattr(Studio, "state", property(lambda _: {}["a stage that has just gone"]))
-    assert closed_with(studio, "/api", hello) == WSCloseCode.ABNORMAL_CLOSURE
+    assert studio.closed_with("/api", hello) == WSCloseCode.ABNORMAL_CLOSURE
+
+
+def asked(studio, request):
+    """Return the reply to a request."""
+
+    async def ask():
+        async with connected(studio.address, studio.session) as socket:
+            await socket.send_json(request)
+            return await received(socket, lambda frame: "id" in frame)
+
+    return studio.run(ask())
 
 
 @pytest.mark.parametrize(
-    ("request_", "where", "found"),
+    ("request_", "key"),
     [
-        ({}, "the request, do", "nothing"),
-        ({"do": ["ping"]}, "the request, do", "the unknown request ['ping']"),
-        ({"do": "__class__"}, "the request, do", "the unknown request '__class__'"),
-        ({"do": "ping", "path": "/etc"}, "the request, path", "the unknown key 'path'"),
-        ({"do": "puppet", "character": "../x"}, "the request, character", "'../x'"),
-        ({"do": "puppet", "character": "dog"}, "the request, character", "no character 'dog'"),
-        ({"do": "open_character", "upload": "x"}, "the request, upload", "no upload 'x'"),
-        ({"do": "open_example", "name": "cat"}, "the request, name", "the unknown name 'cat'"),
-        ({"do": "source"}, "the request", "no source"),
-        ({"do": "source", "uri": "osc:7110", "example": "walk"}, "the request", "uri and example"),
-        ({"do": "source", "uri": "replay:/etc/passwd"}, "the request, uri", "'replay:/etc/passwd'"),
-        ({"do": "source", "uri": "openni:file=/etc/passwd"}, "the request, uri", "'openni:file=/etc/passwd'"),
-        ({"do": "source", "uri": "fused:/etc/x.toml"}, "the request, uri", "'fused:/etc/x.toml'"),
-        ({"do": "source", "take": "nothing"}, "the request, take", "no take 'nothing'"),
-        ({"do": "cancel", "job": "x"}, "the request, job", "no running job 'x'"),
-        ({"do": "record_stop"}, "the service", "no character"),
+        ({}, "do"),
+        ({"do": ["ping"]}, "do"),
+        ({"do": "__class__"}, "do"),
+        ({"do": "ping", "path": "/etc"}, "path"),
+        ({"do": "puppet", "character": "../x"}, "character"),
+        ({"do": "puppet", "character": "dog"}, "character"),
+        ({"do": "open_character", "upload": "x"}, "upload"),
+        ({"do": "open_example", "name": "cat"}, "name"),
+        ({"do": "source"}, None),
+        ({"do": "source", "uri": "osc:7110", "example": "walk"}, None),
+        ({"do": "source", "uri": "replay:/etc/passwd"}, "uri"),
+        ({"do": "source", "uri": "openni:file=/etc/passwd"}, "uri"),
+        ({"do": "source", "uri": "fused:/etc/x.toml"}, "uri"),
+        ({"do": "source", "take": "nothing"}, "take"),
+        ({"do": "cancel", "job": "x"}, "job"),
     ],
 )
-def test_a_request_that_cannot_be_carried_out_is_explained(studio, request_, where, found):
-    async def ask():
-        async with studio.page() as page:
-            return await page.send({"id": 7, **request_})
-
-    reply = studio.run(ask())
+def test_a_request_that_cannot_be_carried_out_is_explained(studio, request_, key):
+    reply = asked(studio, {"id": 7, **request_})
     assert reply["ok"] is False
-    assert (reply["error"]["where"], reply["error"]["found"]) == (where, found)
-    assert reply["error"]["fix"]
+    assert reply["error"]["where"] == "the request" + (f", {key}" if key else "")
+    assert all(reply["error"].values())
+
+
+def test_a_recording_needs_a_character(studio):
+    assert studio.error("record_stop")["found"] == "no character"
 
 
 def test_every_request_is_carried_out_by_something(studio):
@@ -117,10 +116,13 @@ def test_every_request_is_carried_out_by_something(studio):
     assert all("Result" in str(each.__doc__) for each in REQUESTS.values())
 
 
+def test_a_request_is_answered_with_its_number(studio):
+    assert asked(studio, {"id": 3, "do": "ping"}) == {"id": 3, "ok": True, "result": "pong"}
+
+
 def test_many_frames_that_are_no_requests_and_one_that_is_too_large_end_the_connection(studio):
     hello = json.dumps({"token": studio.session})
     wrong = itertools.cycle(["?", b"\0\1", "[]", '{"do": "ping"}', '{"id": "x"}', '{"id": true}', "[" * 100_000])
     frames = itertools.islice(wrong, MAX_MISTAKES)
-    assert closed_with(studio, "/api", hello, *frames) == CloseCode.NOT_UNDERSTOOD
-    assert studio.result("ping") == "pong"
-    assert closed_with(studio, "/api", hello, "x" * 2_000_000) == aiohttp.WSCloseCode.MESSAGE_TOO_BIG
+    assert studio.closed_with("/api", hello, *frames) == CloseCode.NOT_UNDERSTOOD
+    assert studio.closed_with("/api", hello, "x" * 2_000_000) == aiohttp.WSCloseCode.MESSAGE_TOO_BIG

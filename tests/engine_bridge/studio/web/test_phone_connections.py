@@ -3,6 +3,7 @@
 import asyncio
 from contextlib import asynccontextmanager
 
+import pytest
 from aiohttp import web
 
 from engine_bridge.studio.web import phone_connections
@@ -43,16 +44,15 @@ async def ends(reader):
         return True
 
 
-def test_connections_without_a_request_are_closed(monkeypatch):
+@pytest.mark.parametrize("sent", [b"", REQUEST[:10]])
+def test_connections_without_a_request_are_closed(monkeypatch, sent):
     monkeypatch.setattr(phone_connections, "REQUEST_SECONDS", 0.05)
 
     async def run():
         async with connecting() as connect:
-            silent, _ = await connect()
-            slow, writer = await connect()
-            writer.write(REQUEST[:10])
-            assert await ends(silent)
-            assert await ends(slow)
+            reader, writer = await connect()
+            writer.write(sent)
+            assert await ends(reader)
 
     asyncio.run(run())
 
@@ -63,12 +63,11 @@ def test_requests_in_pieces_are_answered_and_connections_beyond_the_limit_closed
     async def run():
         async with connecting() as connect:
             first, writer = await connect()
-            for piece in (REQUEST[:10], REQUEST[10:]):
-                writer.write(piece)
-                await writer.drain()
-            assert await first.readuntil(b"film")
-            writer.write(REQUEST)
-            assert await first.readuntil(b"film")
+            writer.write(REQUEST[:10])
+            await writer.drain()
+            writer.write(REQUEST[10:] + REQUEST)
+            for _ in range(2):
+                assert await first.readuntil(b"film")
             second, writer = await connect()
             third, _ = await connect()
             assert await ends(third)

@@ -19,7 +19,7 @@ from puppetline.examples.performances import PERFORMANCES
 from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
 from pythonosc.osc_message_builder import OscMessageBuilder
 
-from capture.skeleton import JOINTS, SkeletonFrame
+from capture.skeleton import JOINTS
 from engine_bridge.service.control.control_socket import request
 from engine_bridge.service.monitoring.status import (
     CharacterStatus,
@@ -89,13 +89,8 @@ def kung_fu():
 def moved():
     """Return a function that changes the time, the user or the position of a frame."""
 
-    def move(frame, time=None, user=None, by=(0.0, 0.0, 0.0)):
-        return SkeletonFrame(
-            frame.time if time is None else time,
-            frame.user if user is None else user,
-            frame.positions + np.array(by),
-            frame.confidence,
-        )
+    def move(frame, by=(0.0, 0.0, 0.0), **changed):
+        return replace(frame, positions=frame.positions + np.array(by), **changed)
 
     return move
 

@@ -38,9 +38,8 @@ def test_align_finds_the_pose_and_the_file_plays_the_recordings_as_one(invoke, w
     assert found["source"] == "replay:../right.log"
     invoke("record", "--source", "fused:set/two.toml", "-o", "fused.log", "--seconds", 2)
     [clip] = read_log(tmp_path / "fused.log")
-    count = len(clip.times)
-    assert 55 <= count <= 61  # of the first two seconds, at 30 per second
-    assert_allclose(clip.positions, walk.positions[:count], atol=0.01)
+    assert 55 <= len(clip.times) <= 61  # of the first two seconds, at 30 per second
+    assert_allclose(clip.positions, walk.positions[: len(clip.times)], atol=0.01)
 
 
 def test_the_text_states_the_pose_and_the_residual(invoke, walk, tmp_path):

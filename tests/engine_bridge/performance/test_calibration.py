@@ -27,11 +27,6 @@ def test_a_second_of_noise_about_one_pose_is_still_and_gives_that_pose(standing,
     assert np.linalg.norm(last.pose() - standing, axis=1).max() < 0.02
 
 
-def test_less_than_a_second_is_not_enough(standing):
-    assert not after(np.tile(standing, (20, 1, 1))).is_still()
-    assert not RecentFrames().is_still()
-
-
 def test_slow_motion_of_both_arms_is_not_still_and_one_wild_joint_is(standing):
     moving = np.tile(standing, (33, 1, 1))
     for name in ("wrist_left", "hand_left", "wrist_right", "hand_right"):
@@ -172,7 +167,8 @@ DAMAGED = [None, "rest", {}, {"rest": []}, *({"rest": [point] * 20, "sensor": LE
 @pytest.mark.parametrize("damaged", DAMAGED)
 def test_a_damaged_calibration_is_ignored_with_a_note(write_take, damaged):
     used, notes = found(write_take(begin(0.5, damaged)))
-    assert (used, notes) == (None, ("A calibration in the take is damaged and was ignored.",))
+    assert used is None
+    assert notes == ("A calibration in the take is damaged and was ignored.",)
 
 
 @pytest.mark.parametrize(

@@ -69,7 +69,10 @@ def from_the_middle(make, events, cut):
     assert len(ours) == len(theirs) > 50
     assert [player.sensor for player in stage.players] == [player.sensor for player in other.players]
     for a, b in zip(ours, theirs, strict=True):
-        assert (a.character.name, a.time, a.state, a.user) == (b.character.name, b.time, b.state, b.user)
+        assert a.character.name == b.character.name
+        assert a.time == b.time
+        assert a.state == b.state
+        assert a.user == b.user
     return ours, theirs, np.array([frame.time for frame in ours]) - begin.time
 
 

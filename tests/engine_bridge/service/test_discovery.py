@@ -48,7 +48,8 @@ def test_an_engine_finds_the_service_what_plays_there_and_its_changes_until_its_
     announced.rename(names)
     after = wait_for(port, lambda other: other.characters != found.characters)
     kept = len(after.characters)
-    assert (after.name, after.characters) == (found.name, tuple(names[:kept]))
+    assert after.name == found.name
+    assert after.characters == tuple(names[:kept])
     said = f"characters={','.join(names[:kept])}"
     assert len(said) <= 255 < len(f"{said},{names[kept]}")
     with ThreadPoolExecutor() as threads:
@@ -110,5 +111,7 @@ def test_without_a_network_there_is_one_warning_and_it_is_tried_again(caplog, mo
 def test_foreign_announcements_of_our_type_are_read_with_caution(properties, control, characters):
     info = ServiceInfo(TYPE, f"x.{TYPE}", port=5, properties=properties, parsed_addresses=LOOPBACK)
     found = discovery._found(info)
-    assert (found.control, found.port, found.addresses) == (control, 5, ("127.0.0.1",))
+    assert found.control == control
+    assert found.port == 5
+    assert found.addresses == ("127.0.0.1",)
     assert found.characters == characters

@@ -59,14 +59,6 @@ def test_the_character_eases_to_the_new_mapping_while_the_performer_continues(ma
     assert eased > 30
 
 
-def test_performers_who_arrive_after_an_edit_are_calibrated_for_it(make_stage, kung_fu, prepared_blob):
-    puppet = crossed(prepared_blob.puppet)
-    edited, new = make_stage(), make_stage(prepared=replace(prepared_blob, puppet=puppet))
-    edited.players[0].remap(puppet, 0.0)
-    assert edited.players[0].settled
-    assert apart(play(edited, kung_fu), play(new, kung_fu), "pose.R").max() == 0
-
-
 def test_the_idle_motion_follows_the_last_mapping_without_a_jump(make_stage, take, prepared_blob):
     stage, unedited = make_stage(idle=take), make_stage(idle=take)
     [player], puppet = stage.players, crossed(prepared_blob.puppet)
@@ -125,11 +117,14 @@ def test_a_mapping_is_edited_saved_and_loaded_again(service, dog, play):
     text, was = dog.read_text(), service.edit("puppet")
     assert was["puppet"] == values_of(puppet_file.load(dog))
     assert was["root"] == was["puppet"]["root"]
-    assert (was["scale"], len(was["joints"]), was["saved"]) == (1.3, 20, True)
+    assert was["scale"] == 1.3
+    assert len(was["joints"]) == 20
+    assert was["saved"] is True
     head = {"name": "head", "position": [0.0, 2.1, 0.3], "joints": ["head"], "axes": "xz", "gain": 0.8}
     assert row(was, "head") == head
     edited = service.edit("set_handle", handle="left hand", gain=2, axes="xy")
-    assert (row(edited, "left hand")["gain"], edited["saved"]) == (2.0, False)
+    assert row(edited, "left hand")["gain"] == 2.0
+    assert edited["saved"] is False
     service.run(PREPARATION_SECONDS + EASE + 0.5)
     hand = edited["handles"].index(row(edited, "left hand"))
     assert np.ptp([frame.pose.targets[hand] for frame in service.run(3.0)], axis=0)[2] < 1e-6
@@ -153,7 +148,9 @@ def test_reverting_and_reloading_restore_the_mapping_of_the_file_and_invalid_edi
     service.edit("set_root", joint=None)
     service.edit("set_scale", scale="auto")
     edited = service.edit("set_handle", handle="left foot", joints="  foot_left\tknee_left ", axes="y")
-    assert (row(edited, "head")["joints"], edited["root"], edited["scale"]) == ([], None, "auto")
+    assert row(edited, "head")["joints"] == []
+    assert edited["root"] is None
+    assert edited["scale"] == "auto"
     assert row(edited, "left foot")["joints"] == ["foot_left", "knee_left"]
     [scene] = service.heard(service.client("dog/scene"))
     joints = [[handle["joints"] for handle in told["handles"]] for told in (scene.body.facts, edited)]
@@ -175,7 +172,9 @@ def test_a_puppet_is_replaced_while_the_performer_continues_and_saved_and_revert
     mapped["root"], mapped["retarget"]["scale"] = None, "auto"
     # Godot writes 8 as 8.0
     reply = replaced(mapped | {"solver": {name: value and float(value) for name, value in mapped["solver"].items()}})
-    assert (reply["puppet"], reply["saved"], reply["handles"][0]["joints"]) == (mapped, False, ["head", "spine"])
+    assert reply["puppet"] == mapped
+    assert reply["saved"] is False
+    assert reply["handles"][0]["joints"] == ["head", "spine"]
     assert revision(service) == before
     limbed = values_of(puppet_file.load(limbed_puppet)) | {"root": was["root"]}
     limbed["retarget"]["mirror"] = True
@@ -185,7 +184,8 @@ def test_a_puppet_is_replaced_while_the_performer_continues_and_saved_and_revert
     assert service.ask("describe")["characters"][0]["mirror"] is True
     service.run(PREPARATION_SECONDS + EASE + 0.5)
     frame = service.run(0.1)[-1]
-    assert (frame.state, frame.character.revision != before) == ("performing", True)
+    assert frame.state == "performing"
+    assert frame.character.revision != before
     assert frame.user is not None
     service.edit("save_puppet")
     assert values_of(puppet_file.load(dog)) == limbed

@@ -35,31 +35,6 @@ def performed(play, blob_puppet, sender, kung_fu):
     return service
 
 
-def states(frames):
-    return {frame.state for frame in frames}
-
-
-def test_reloading_keeps_performers_and_an_invalid_file_changes_nothing(performed, blob_puppet):
-    client = performed.client("blob/scene")
-    [first] = performed.heard(client)
-    text = blob_puppet.read_text()
-    try:
-        blob_puppet.write_text(text.replace('name = "head"', 'name = "nose"'))
-        assert performed.ask("reload") == {"characters": ["blob"]}
-        performed.run(1.5)
-        [scene] = performed.heard(client, kind="scene")
-        assert scene.header.revision != first.header.revision
-        assert [handle["name"] for handle in scene.body.facts["handles"]].count("nose") == 1
-        frame = performed.frames[-1]
-        assert (frame.character.revision, frame.state, frame.user) == (scene.header.revision, "performing", 1)
-        blob_puppet.write_text(text.replace("position = ", "position =" + " 7 #"))
-        assert str(blob_puppet) in performed.ask("reload")["where"]
-        assert states(performed.run(0.5)) == {"performing"}
-    finally:
-        blob_puppet.write_text(text)
-    assert performed.ask("reload") == {"characters": ["blob"]}
-
-
 def test_a_reload_ends_a_take_every_request_is_answered_and_a_restarted_service_knows_its_performers(
     performed, play, blob_puppet, sender, kung_fu, tmp_path
 ):
@@ -73,7 +48,7 @@ def test_a_reload_ends_a_take_every_request_is_answered_and_a_restarted_service_
     performed.close()
     again = play("--puppet", blob_puppet, "--source", sender.uri)
     again.perform(sender, kung_fu[100:160])  # never still for a second
-    assert "performing" in states(again.run(2.0))
+    assert "performing" in {frame.state for frame in again.run(2.0)}
 
 
 def test_a_take_does_not_begin_while_a_reload_would_end_it(performed):
@@ -113,8 +88,11 @@ def test_the_status_has_the_performers_height_and_the_sensors_position_and_is_at
     service = play("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--metrics", metrics)
     service.run(0.5)
     [user] = service.stage()["users"]
-    assert (user["user"], user["state"], user["character"]) == (1, "calibrating", "blob")
-    assert (user["height"], user["reach"]) == (None, None)
+    assert user["user"] == 1
+    assert user["state"] == "calibrating"
+    assert user["character"] == "blob"
+    assert user["height"] is None
+    assert user["reach"] is None
     assert user["seen"] < 0.1
     assert user["distance"] == pytest.approx(np.hypot(*np.median(kung_fu[0].positions[:, ::2], axis=0)), abs=0.2)
     service.run(3.0)
@@ -179,7 +157,8 @@ def test_a_reload_reads_the_stages_of_the_service_file_again(play, blob_puppet, 
     service.ask("play_take", character="two", take="take")
     assert service.ask("pause")["paused"]
     assert service.ask("reload") == {"characters": ["two"]}
-    assert (service.stage()["name"], service.stage()["source"]) == ("two", "demo:roar?loop")
+    assert service.stage()["name"] == "two"
+    assert service.stage()["source"] == "demo:roar?loop"
     late = service.client("one/performer", "one/scene", "two/scene")
     assert [message.topic for message in service.heard(late)] == ["two/scene"]
     service.run(2.0)

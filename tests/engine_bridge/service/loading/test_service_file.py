@@ -23,12 +23,12 @@ def test_the_least_that_a_file_must_say(tmp_path):
     [stage] = service.stage
     assert stage_names(service) == ["stage"]
     assert character_names(stage) == ["dog"]
-    assert (service.network.host, service.network.port, service.announce) == ("127.0.0.1", 7400, True)
-    assert (stage.settings.people, stage.player_settings.calibrate, stage.player_settings.tilt) == (
-        "each",
-        "still",
-        None,
-    )
+    assert service.network.host == "127.0.0.1"
+    assert service.network.port == 7400
+    assert service.announce is True
+    assert stage.settings.people == "each"
+    assert stage.player_settings.calibrate == "still"
+    assert stage.player_settings.tilt is None
 
 
 def test_all_that_it_can_say(tmp_path):
@@ -72,7 +72,8 @@ puppet = "figures/big dog (2).toml"
     assert stage_names(service) == ["left", "stage2"]
     assert [character_names(stage) for stage in service.stage] == [["rex"], ["big_dog_2"]]
     assert service.stage[0].settings.turn == 45
-    assert (service.stage[0].player_settings.tilt, service.stage[0].player_settings.height) == (12.5, 1.6)
+    assert service.stage[0].player_settings.tilt == 12.5
+    assert service.stage[0].player_settings.height == 1.6
     assert service.metrics.port == 9464
     assert service.osc[0].send == ("controls", "morphs")
 

@@ -39,7 +39,9 @@ def test_json_is_one_object_a_line_with_time_level_logger_event_and_fields(strea
         "event": "performer found\nand kept",
         "fields": {"stage": "kinect", "user": 3, "name": "é"},
     }
-    assert (second["level"], second["event"], second["fields"]) == ("warning", "lost", {"why": "gone"})
+    assert second["level"] == "warning"
+    assert second["event"] == "lost"
+    assert second["fields"] == {"why": "gone"}
 
 
 def test_text_is_one_line_to_which_the_network_adds_none_and_in_which_it_moves_no_cursor(stream, log):

@@ -29,8 +29,11 @@ def test_parts_have_their_ranges_names_and_materials(glb, tmp_path, blob):
     character = load_character(glb.save(tmp_path / "figure.glb"))
     n = len(blob.vertices)
     first, second = parts(character)
-    assert (first["name"], first["vertices"], first["triangles"]) == ("figure", [0, n], [0, half])
-    assert (second["vertices"], second["triangles"]) == ([n, n], [half, len(faces) - half])
+    assert first["name"] == "figure"
+    assert first["vertices"] == [0, n]
+    assert first["triangles"] == [0, half]
+    assert second["vertices"] == [n, n]
+    assert second["triangles"] == [half, len(faces) - half]
     assert first["material"] == {
         "name": "red",
         "base_color": [1, 0, 0, 0.5],

@@ -83,7 +83,8 @@ def test_a_take_treats_people_as_its_stage_did(make_stage, together):
     with_beginnings_of(stage, events[:200])
     begin = beginning(stage)
     frames = replay(other, [begin, *with_beginnings_of(stage, events[200:])])
-    assert (frames[0].user, frames[-1].user) == (1, 9)  # after six seconds, four of which are the take's
+    assert frames[0].user == 1  # after six seconds, four of which are the take's
+    assert frames[-1].user == 9
     ours, theirs = (each.snapshot(0.0) for each in (stage, other))
     assert ours["direction"] == theirs["direction"]
     assert ours["characters"]["dog"]["manner"] == theirs["characters"]["dog"]["manner"]
@@ -180,7 +181,8 @@ def test_characters_loaded_anew_go_on_as_if_nothing_had_been(make_stage, make_pl
     assert after[0].sequence == before[-1].sequence + 1
     assert after[0].user == before[-1].user
     assert stage.players[0].motion.mirror
-    assert (before[-1].state, after[-1].state) == (state, later)
+    assert before[-1].state == state
+    assert after[-1].state == later
     assert largest_step([*before, *after]) <= 1.2 * largest_step(steady)
 
 

@@ -4,6 +4,7 @@ from io import BytesIO
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from PIL import Image
 
 from capture.events import TICK_SECONDS, Tick
@@ -68,7 +69,7 @@ def test_the_answer_has_the_picture_and_the_joints_where_they_are_in_it(watched)
     assert np.abs(pixels.astype(int) - COLOR).max() <= 4
     [performer] = answer["performers"]
     assert performer["joints"].pop(HIDDEN) is None
-    np.testing.assert_allclose(performer["joints"], np.delete(LENS.project(POSITIONS) / [640, 480], HIDDEN, axis=0))
+    assert_allclose(performer["joints"], np.delete(LENS.project(POSITIONS) / [640, 480], HIDDEN, axis=0))
     assert performer["text"].startswith("user 3: 19 of 20 joints tracked, ")
     assert "User 3: lost joints: left hand." in [reason["what"] for reason in answer["reasons"]]
     assert answer["stage"] == "stage"
@@ -91,12 +92,12 @@ def test_without_a_performer_the_answer_says_why_and_nothing_is_remembered_unles
 
 def test_requests_that_wait_share_one_picture_and_the_next_comes_later(watched, monkeypatch):
     made = []
-    monkeypatch.setattr(look_command, "seen", lambda *_: made.append(clock.now()) or {"number": len(made)})
+    monkeypatch.setattr(look_command, "seen", lambda *_: made.append(clock.now()) or len(made))
     service = watched()
     asked = [service.request("look") for _ in range(3)]
     service.until(lambda: all(asked))
-    assert [json.loads(reply)["result"] for [reply] in asked] == [{"number": 1}] * 3
-    assert service.ask("look") == {"number": 2}
+    assert [json.loads(reply)["result"] for [reply] in asked] == [1] * 3
+    assert service.ask("look") == 2
     assert look_command.PERIOD_SECONDS <= made[1] - made[0] <= look_command.PERIOD_SECONDS + 2 * TICK_SECONDS
     replies = service.request("look")
     service.service._looking.advance([])  # the stage is gone

@@ -1,7 +1,6 @@
 """The command as a user runs it: exit codes, what is on which stream, and what is left in the folder."""
 
 import json
-import re
 import shutil
 import sys
 import tomllib
@@ -145,13 +144,6 @@ def test_what_cannot_be_used_is_one_line_and_leaves_nothing(assert_refused, faul
 @pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="no folder that refuses files")
 def test_a_folder_that_takes_no_files_is_found_out_before_the_work(assert_refused, stage):
     assert_refused("convert", "take.log", "--puppet", stage, "-o", "/proc/out.glb", parts=["/proc/out.glb"])
-
-
-def test_convert_prints_what_a_rig_and_a_vertex_cache_consist_of(invoke, stage):
-    prepared = invoke("convert", "take.log", "--puppet", stage.name, "-o", "rig.glb", "--as", "rig")
-    assert re.search(r"joints         \d+ animated, \d+ follow, of a new skeleton; largest error 0\.0", prepared.stdout)
-    frames = invoke("convert", "take.log", "--puppet", stage.name, "-o", "frames.glb", "--as", "frames")
-    assert "morph targets  58, one for each keyframe, exactly as solved" in frames.stdout
 
 
 def test_json_of_convert_and_inspect_is_json_and_nothing_else(invoke, stage):

@@ -27,6 +27,11 @@ def test_a_second_of_noise_about_one_pose_is_still_and_gives_that_pose(standing,
     assert np.linalg.norm(last.pose() - standing, axis=1).max() < 0.02
 
 
+def test_less_than_a_second_is_not_enough(standing):
+    assert not after(np.tile(standing, (20, 1, 1))).is_still()
+    assert not RecentFrames().is_still()
+
+
 def test_slow_motion_of_both_arms_is_not_still_and_one_wild_joint_is(standing):
     moving = np.tile(standing, (33, 1, 1))
     for name in ("wrist_left", "hand_left", "wrist_right", "hand_right"):

@@ -4,7 +4,6 @@ from operator import getitem
 
 import numpy as np
 import pytest
-from numpy.testing import assert_array_equal
 from puppetline.examples.performances import PERFORMANCES
 
 from capture.events import TICK_SECONDS, Cue, Lost
@@ -88,17 +87,6 @@ def test_a_take_treats_people_as_its_stage_did(make_stage, together):
     ours, theirs = (each.snapshot(0.0) for each in (stage, other))
     assert ours["direction"] == theirs["direction"]
     assert ours["characters"]["dog"]["manner"] == theirs["characters"]["dog"]["manner"]
-
-
-def test_a_take_gives_its_calibrations_to_other_puppets_of_the_same_name(make_stage, limbed_figure, kung_fu):
-    stage, other = make_stage(("dog", "cat")), make_stage(prepared=limbed_figure)
-    given = with_beginnings_of(stage, kung_fu[:100])
-    frames = replay(other, [beginning(stage), *kung_fu[100:]])
-    assert states(frames) == {"performing"}
-    assert_array_equal(other.players[0].calibration.rest, stage.players[0].calibration.rest)
-    begun = make_stage(prepared=limbed_figure)
-    replay(begun, given)  # as well where the take was begun before
-    assert_array_equal(begun.players[0].calibration.rest, stage.players[0].calibration.rest)
 
 
 def test_a_loop_resumes_at_the_times_of_each_pass(make_stage, kung_fu, moved):

@@ -107,6 +107,16 @@ def test_a_handle_moves_with_its_channel_along_axes_that_turn_with_the_trunk(blo
         assert not way[1:].any()
 
 
+def test_the_character_opens_its_mouth_when_the_performer_speaks(bent_puppet, limbed_figure, loud_take):
+    timeline, _ = load_timeline(loud_take, Settings())
+    puppets = bent_puppet, limbed_figure.puppet
+    bent, same = (solve(replace(limbed_figure, puppet=puppet), timeline, Settings()) for puppet in puppets)
+    apart, voice = np.abs(bent.bones[:] - same.bones[:]).max(axis=(1, 2, 3)), timeline.channels["voice"]
+    assert apart[voice == 0].max() < 1e-6
+    assert apart[voice > 0.8].min() > 0.2
+    assert np.abs(bent.R[:] - same.R[:]).max(axis=(1, 2))[voice > 0.8].min() > 0.01
+
+
 @pytest.mark.parametrize(
     ("more", "where"),
     [

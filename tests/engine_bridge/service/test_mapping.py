@@ -166,7 +166,8 @@ def test_a_puppet_is_replaced_while_the_performer_continues_and_saved_and_revert
     def replaced(puppet):
         return service.edit("set_puppet", puppet=json.dumps(puppet))
 
-    was, before = service.edit("puppet")["puppet"], revision(service)
+    was, before, client = service.edit("puppet")["puppet"], revision(service), service.client("dog/scene")
+    service.heard(client)
     mapped = json.loads(json.dumps(was))
     mapped["handle"][0] |= {"joint": None, "joints": ["head", "spine"], "gain": -1.0}
     mapped["root"], mapped["retarget"]["scale"] = None, "auto"
@@ -187,6 +188,7 @@ def test_a_puppet_is_replaced_while_the_performer_continues_and_saved_and_revert
     assert frame.state == "performing"
     assert frame.character.revision != before
     assert frame.user is not None
+    service.heard(client, lambda message: message.header.revision == frame.character.revision)
     service.edit("save_puppet")
     assert values_of(puppet_file.load(dog)) == limbed
     replaced(was)

@@ -208,6 +208,18 @@ def test_who_has_no_room_waits_until_one_has_left_by_any_door(house, visit, monk
     hear(opened, late)  # there is room again, and nobody told it to try again
 
 
+def test_the_place_of_who_left_is_free_at_once(house, visit):
+    opened = house("NULL", limit=1)
+    guard = opened.service._guard
+    for _ in range(5):
+        let_in, client = visit(opened, "NULL")
+        assert let_in
+        assert guard.clients.connected == 1
+        assert guard.clients.refused == 0
+        client.close(0)
+        opened.wait(lambda: not guard.clients.connected)  # until its leaving has been noticed
+
+
 def test_a_question_that_is_not_libzmqs_is_not_answered_or_refused(context):
     guard = Guard(context, [Endpoint("PLAIN", "", "", token=TOKEN.encode())], 1)
     good = [b"1.0", b"7", b"stream", b"127.0.0.1", b"", b"PLAIN", b"somebody", TOKEN.encode()]

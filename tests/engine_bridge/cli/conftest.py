@@ -1,6 +1,5 @@
 """Fixtures of the tests of commands, partly those of the service's tests."""
 
-import os
 import shutil
 
 import pytest
@@ -15,11 +14,17 @@ __all__ = ["free_port", "kung_fu", "listen", "play", "sender", "serve", "serve_m
 
 
 @pytest.fixture
-def run(tmp_path, commands):
+def own_state(tmp_path, monkeypatch):
+    """Keep what commands remember in the test's folder."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+
+
+@pytest.fixture
+def run(tmp_path, commands, own_state):
     """Return a function that runs a command as a process in an empty folder and checks its exit code."""
 
     def start(*arguments, code=0):
-        result = commands.run(*arguments, cwd=tmp_path, env=os.environ | {"XDG_STATE_HOME": str(tmp_path / "state")})
+        result = commands.run(*arguments, cwd=tmp_path)
         assert result.returncode == code, result.stderr
         return result
 
@@ -27,10 +32,9 @@ def run(tmp_path, commands):
 
 
 @pytest.fixture
-def invoke(tmp_path, monkeypatch):
+def invoke(tmp_path, monkeypatch, own_state):
     """Return a function that runs a command in an empty folder, in this process, and checks its exit code."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
 
     def start(*arguments, code=0):
         result = CliRunner().invoke(main, [*map(str, arguments)], prog_name="puppetline")
@@ -68,7 +72,8 @@ def assert_refused(invoke, tmp_path):
         assert result.stdout == ""
         *before_it, error = result.stderr.splitlines(keepends=True)
         assert [line for line in before_it if "compil" not in line] == []  # which happens once on a machine
-        assert (error[:12], error[-1]) == ("puppetline: ", "\n")
+        assert error[:12] == "puppetline: "
+        assert error[-1] == "\n"
         assert "internal error" not in error
         assert [part for part in parts if part not in result.stderr] == []
         assert contents() == before

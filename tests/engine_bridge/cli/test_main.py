@@ -1,7 +1,6 @@
 """The command as a user runs it: exit codes, what is on which stream, and what is left in the folder."""
 
 import json
-import re
 import shutil
 import sys
 import tomllib
@@ -22,11 +21,15 @@ def names(folder):
 
 def test_exit_code_and_streams_of_a_process_are_those_of_the_command(run, stage):
     shown = run("inspect", "blob.glb", "--json")
-    assert (json.loads(shown.stdout)["kind"], shown.stderr) == ("character", "")
+    assert json.loads(shown.stdout)["kind"] == "character"
+    assert shown.stderr == ""
     wrong = run("dance", code=2)
-    assert (wrong.stdout, wrong.stderr[:17]) == ("", "Usage: puppetline")
+    assert wrong.stdout == ""
+    assert wrong.stderr[:17] == "Usage: puppetline"
     bad = run("inspect", "none.glb", code=1)
-    assert (bad.stdout, bad.stderr[:12], bad.stderr.count("\n")) == ("", "puppetline: ", 1)
+    assert bad.stdout == ""
+    assert bad.stderr[:12] == "puppetline: "
+    assert bad.stderr.count("\n") == 1
 
 
 def test_the_help_lists_every_command_and_a_misspelled_one_gets_a_suggestion(invoke):
@@ -91,7 +94,8 @@ def test_wrong_use_is_exit_code_2_with_the_usage_and_what_is_wrong(invoke, stage
     before = names(tmp_path)
     result = invoke(*command, code=2)
     usage, _, error = result.stderr.partition("Error: ")
-    assert (result.stdout, usage[:17]) == ("", "Usage: puppetline")
+    assert result.stdout == ""
+    assert usage[:17] == "Usage: puppetline"
     assert named[0] in " ".join(error.split())
     assert names(tmp_path) == before
 
@@ -142,20 +146,17 @@ def test_a_folder_that_takes_no_files_is_found_out_before_the_work(assert_refuse
     assert_refused("convert", "take.log", "--puppet", stage, "-o", "/proc/out.glb", parts=["/proc/out.glb"])
 
 
-def test_convert_prints_what_a_rig_and_a_vertex_cache_consist_of(invoke, stage):
-    prepared = invoke("convert", "take.log", "--puppet", stage.name, "-o", "rig.glb", "--as", "rig")
-    assert re.search(r"joints         \d+ animated, \d+ follow, of a new skeleton; largest error 0\.0", prepared.stdout)
-    frames = invoke("convert", "take.log", "--puppet", stage.name, "-o", "frames.glb", "--as", "frames")
-    assert "morph targets  58, one for each keyframe, exactly as solved" in frames.stdout
-
-
 def test_json_of_convert_and_inspect_is_json_and_nothing_else(invoke, stage):
     converted = invoke("convert", "take.log", "--puppet", stage, "-o", "out.glb", "--targets", "3", "--json")
     summary = json.loads(converted.stdout)
-    assert (summary["frames"], summary["targets"], summary["output"], converted.stderr) == (58, 3, "out.glb", "")
+    assert summary["frames"] == 58
+    assert summary["targets"] == 3
+    assert summary["output"] == "out.glb"
+    assert converted.stderr == ""
     for file, kind in (("out.glb", "character"), ("take.log", "log"), ("blob.toml", "puppet")):
         result = invoke("inspect", file, "--json")
-        assert (json.loads(result.stdout)["kind"], result.stderr) == (kind, "")
+        assert json.loads(result.stdout)["kind"] == kind
+        assert result.stderr == ""
 
 
 @pytest.mark.usefixtures("quick_pictures")

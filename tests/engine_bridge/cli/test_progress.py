@@ -52,18 +52,21 @@ def test_a_terminal_shows_steps_and_how_many_functions_were_compiled(terminal, c
     assert capsys.readouterr().out == ""
 
 
+def contents(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
 @pytest.mark.usefixtures("quick_pictures")
 @pytest.mark.parametrize("step", ["Preparing the character", "Performing", "Fitting morph targets", "Drawing"])
 def test_an_interrupt_at_any_step_leaves_no_partial_file(terminal, stage, tmp_path, monkeypatch, capsys, step):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "out.png").write_text("old")
-    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    shown = terminal(step)
+    before, shown = contents(tmp_path), terminal(step)
     with pytest.raises(SystemExit) as end:
         main(["convert", "take.log", "--puppet", stage.name, "-o", "out.glb", "--preview", "out.png"])
     assert end.value.code == 1
     assert shown.getvalue().endswith("puppetline: stopped\n")
     assert capsys.readouterr().out == ""
-    after = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    after = contents(tmp_path)
     assert (after.pop("out.glb", None) is not None) == (step == "Drawing")  # the preview of a whole result
     assert after == before

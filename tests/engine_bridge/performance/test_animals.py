@@ -1,9 +1,11 @@
 """A character on four legs takes over the motion of an animal joint by joint."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from capture.skeleton import JOINT_INDEX, JOINTS, OPPOSITE
 from capture.timeline import Timeline
@@ -43,32 +45,23 @@ def animal():
 
 
 def test_legs_and_trunk_point_as_the_animals_do_and_a_tail_rests_on_the_trunk():
-    made = of_animal(puppet([*LEGS, TAIL]))
-    bones, pose = bones_of(made.limbs), animal()
-    motion = LimbMotion(made.limbs, SIDES, pose)
-    moves = motion.step(0.0, pose, np.ones(20, np.float32))
-    ways = np.einsum("bi,bij->bj", bones.tails - bones.heads, np.asarray(moves)[:, :3])
-    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-    bone = 0
-    for limb in made.limbs:
-        for tail, head in zip(limb.joints[1:], limb.joints[:-1], strict=True):
-            own = pose[tail[0]] - pose[head[0]]
-            if limb.name != "tail" and JOINTS[tail[0]].split("_")[0] not in ("foot", "hand"):  # feet are level
-                np.testing.assert_allclose(ways[bone], own / np.linalg.norm(own), atol=1e-6, err_msg=limb.name)
-            bone += 1
+    made, pose = of_animal(puppet([*LEGS, TAIL])), animal()
+    bones = bones_of(made.limbs)
+    moves = np.asarray(LimbMotion(made.limbs, SIDES, pose).step(0.0, pose, np.ones(20, np.float32)))
+    ways = np.einsum("bi,bij->bj", bones.tails - bones.heads, moves[:, :3])
+    joints = [(limb.name, head[0], tail[0]) for limb in made.limbs for head, tail in pairwise(limb.joints)]
+    for way, (name, head, tail) in zip(ways, joints, strict=True):
+        if name != "tail" and not JOINTS[tail].startswith(("foot", "hand")):  # feet are level
+            own = pose[tail] - pose[head]
+            assert_allclose(way / np.linalg.norm(way), own / np.linalg.norm(own), atol=1e-6, err_msg=name)
     assert [limb.gain for limb in made.limbs if limb.name == "tail"] == [0]
 
 
 def test_four_feet_are_held_and_no_leg_steps(standing):
     made = of_animal(puppet())
     joints = [f"{joint}_{side}" for joint in ("ankle", "wrist") for side in ("left", "right")]
-    assert [leg.joint for leg in legs_of(made)] == [JOINT_INDEX[joint] for joint in joints]
-    assert [(leg.thigh, leg.shin, leg.foot) for leg in legs_of(made)] == [
-        (2, 3, 4),
-        (5, 6, 7),
-        (8, 9, 10),
-        (11, 12, 13),
-    ]
+    legs = [(JOINT_INDEX[joint], bone, bone + 1, bone + 2) for joint, bone in zip(joints, (2, 5, 8, 11), strict=True)]
+    assert [(leg.joint, leg.thigh, leg.shin, leg.foot) for leg in legs_of(made)] == legs
     assert steps(made, standing) is None
     assert steps(puppet(), standing) is not None
 
@@ -76,8 +69,7 @@ def test_four_feet_are_held_and_no_leg_steps(standing):
 def test_only_characters_on_four_legs_follow_an_animal(limbed_figure):
     with pytest.raises(SkeletonLogError, match="four-legged skeleton, for a character on 2 legs that step"):
         of_animal(puppet(LEGS[:2]))
-    points = np.repeat(animal()[None], 3, axis=0)
-    timeline = Timeline(30.0, points, np.ones((3, 20), np.float32), ())
-    assert len(list(poses(limbed_figure, timeline, Settings()))) == 3
+    timeline = Timeline(30.0, np.tile(animal(), (3, 1, 1)), np.ones((3, 20), np.float32), ())
+    assert len([*poses(limbed_figure, timeline, Settings())]) == 3
     with pytest.raises(SkeletonLogError, match="a character on no legs that step"):
-        list(poses(limbed_figure, replace(timeline, legs=4), Settings()))
+        next(poses(limbed_figure, replace(timeline, legs=4), Settings()))

@@ -59,19 +59,15 @@ def test_the_root_moves_as_the_hips_do_times_the_scale(prepared, puppet, frames,
 
 
 def test_handles_take_the_mean_of_their_joints_their_axes_and_their_gain(prepared, puppet, frames, standing):
-    numeric = changed(puppet, root=None, retarget=RetargetTable(scale=1.0))
     takes = np.tile(standing, (2, 1, 1))
-    takes[1, JOINT_INDEX["hand_right"]] += [0, 0.2, 0]
-    takes[1, JOINT_INDEX["wrist_right"]] += [0.1, 0, 0]
-    takes[1, JOINT_INDEX["head"]] += [0.1, 0.3, -0.2]
-    motion = CharacterMotion(replace(prepared, puppet=numeric), standing)
-    handles = motion.deformer.handles
-    pose = [motion.step(frame) for frame in frames(takes)][-1]
-    there = prepared.model.rows(prepared.mesh, handles) @ pose.R * prepared.model.diagonal + prepared.model.center
-    moved = np.zeros_like(handles)
-    moved[1] = [-0.05, 0.1, 0]
-    moved[2] = 0.8 * np.array([-0.1, 0, 0.2])
-    assert_allclose(there - handles, moved, atol=1e-3 * prepared.mesh.diagonal)
+    for joint, way in (("hand_right", [0, 0.2, 0]), ("wrist_right", [0.1, 0, 0]), ("head", [0.1, 0.3, -0.2])):
+        takes[1, JOINT_INDEX[joint]] += way
+    metric = changed(puppet, root=None, retarget=RetargetTable(scale=1.0))
+    motion = CharacterMotion(replace(prepared, puppet=metric), standing)
+    _, pose = map(motion.step, frames(takes))
+    expected = np.zeros((5, 3))
+    expected[1:3] = [-0.05, 0.1, 0], np.multiply(0.8, [-0.1, 0, 0.2])
+    assert_allclose(pose.targets - motion.deformer.handles, expected, atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -96,10 +92,9 @@ def test_where_the_performer_stands_when_and_how_tall_makes_no_difference(prepar
     takes, offset = dance(10), np.array([1.5, 0.3, -1.0])
     here, root = play(prepared, puppet, frames(takes), standing)
     there, other_root = play(prepared, puppet, frames(takes + offset, start=1e5), standing + offset)
-    assert_allclose(there, here, atol=1e-6)
-    assert_allclose(other_root, root, atol=1e-9)
     taller, _ = play(prepared, puppet, frames(2 * takes), 2 * standing)
-    assert_allclose(taller, here, atol=1e-6)
+    assert_allclose([there, taller], [here, here], atol=1e-6)
+    assert_allclose(other_root, root, atol=1e-9)
 
 
 def test_a_root_that_is_lost_goes_on_with_the_other_joints_and_a_body_that_is_lost_without_a_jump(

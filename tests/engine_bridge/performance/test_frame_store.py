@@ -8,28 +8,26 @@ from engine_bridge.performance import frame_store
 from engine_bridge.performance.frame_store import FrameStore, evenly
 from puppetline.errors import OutputError
 
+from ..refusals import refused
+
 FRAMES = np.random.default_rng(0).normal(size=(50, 8, 3)).astype(np.float32)
 
 
-@pytest.fixture(params=["memory", "file"])
+@pytest.fixture(params=[10**6, 1000], ids=["memory", "file"])
 def store(request, monkeypatch):
     """The frames in a store, once in memory and once in a file."""
-    monkeypatch.setattr(frame_store, "MAX_MEMORY_BYTES", 10**6 if request.param == "memory" else 1000)
+    monkeypatch.setattr(frame_store, "MAX_MEMORY_BYTES", request.param)
     made = FrameStore((8, 3))
-    for start in (0, 20, 30):
-        made.append(FRAMES[start : {0: 20, 20: 30, 30: 50}[start]].astype(np.float64))
+    for some in np.split(FRAMES.astype(np.float64), (20, 30)):
+        made.append(some)
     return made
 
 
 @pytest.mark.parametrize(
-    "chosen",
-    [
-        *(slice(*bounds) for bounds in ((10, 35), (40, 99), (None, None, 3), (5, 5))),
-        *(np.array(indices, dtype=int) for indices in ([3, 49, 7, 7], [])),
-    ],
-    ids=str,
+    "chosen", [slice(10, 35), slice(40, 99), slice(None, None, 3), slice(5, 5), [3, 49, 7, 7], []], ids=str
 )
 def test_a_frame_store_is_indexed_like_an_array(store, chosen):
+    chosen = chosen if isinstance(chosen, slice) else np.array(chosen, dtype=int)
     found = store[chosen]
     assert_array_equal(found, FRAMES[chosen])
     assert found.dtype == np.float32
@@ -52,13 +50,11 @@ def test_a_frame_store_still_grows_after_it_was_read(store):
 def test_a_system_without_room_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr(frame_store, "MAX_MEMORY_BYTES", 1000)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "none"))
-    with pytest.raises(OutputError) as refused:
-        FrameStore((8, 3)).append(FRAMES)
-    assert refused.value.where == "the folder for temporary files"
-    assert "TMPDIR" in refused.value.fix
+    told = refused(OutputError, FrameStore((8, 3)).append, FRAMES)
+    assert told.where == "the folder for temporary files"
+    assert "TMPDIR" in told.fix
 
 
-def test_indices_are_evenly_spread_from_the_first_to_the_last():
-    assert evenly(10, 4).tolist() == [0, 3, 6, 9]
-    assert evenly(3, 9).tolist() == [0, 1, 2]
-    assert evenly(0, 5).tolist() == []
+@pytest.mark.parametrize(("size", "count", "expected"), [(10, 4, [0, 3, 6, 9]), (3, 9, [0, 1, 2]), (0, 5, [])])
+def test_indices_are_evenly_spread_from_the_first_to_the_last(size, count, expected):
+    assert evenly(size, count).tolist() == expected

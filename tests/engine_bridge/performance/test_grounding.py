@@ -56,16 +56,16 @@ def test_a_raised_hand_lifts_the_front_leg_of_its_side(standing):
     up[[JOINT_INDEX["hand_left"], JOINT_INDEX["hand_right"]], 1] = up[JOINT_INDEX["head"], 1] + 0.3, 0.8
     for number in range(20):
         made.step(number / 30, up, np.ones(20, dtype=np.float32), np.tile(np.eye(4, 3), (14, 1, 1)), np.zeros(3))
-    legs = [each.name for each in puppet().limbs if each.stands]
-    assert [leg for leg, place in zip(legs, made.places, strict=True) if np.isnan(place).any()] == ["left front leg"]
+    lifted = np.isnan(made.places).any(axis=1).tolist()
+    assert lifted == [each.name == "left front leg" for each in puppet().limbs if each.stands]
 
 
 def test_two_legs_stand_on_the_floor_unless_the_puppet_says_otherwise(limbed_figure):
     puppet = limbed_figure.puppet
-    assert [(leg.thigh, leg.shin, leg.foot) for leg in legs_of(puppet)] == [(7, 8, -1), (9, 10, -1)]
-    assert [leg.joint for leg in legs_of(puppet)] == [JOINT_INDEX["ankle_left"], JOINT_INDEX["ankle_right"]]
-    assert legs_of(puppet.model_copy(update={"root": RootTable(feet="free")})) == ()
-    assert legs_of(puppet.model_copy(update={"root": None})) == ()
-    assert legs_of(puppet.model_copy(update={"limb": puppet.limb[:-1]})) == ()
+    left, right = (JOINT_INDEX[f"ankle_{side}"] for side in ("left", "right"))
+    legs = [(leg.joint, leg.thigh, leg.shin, leg.foot) for leg in legs_of(puppet)]
+    assert legs == [(left, 7, 8, -1), (right, 9, 10, -1)]
     turning = puppet.limb[-1].model_copy(update={"follow": "turn"})
-    assert legs_of(puppet.model_copy(update={"limb": (*puppet.limb[:-1], turning)})) == ()
+    limbs = ({"limb": (*puppet.limb[:-1], *last)} for last in ((), (turning,)))
+    for update in ({"root": RootTable(feet="free")}, {"root": None}, *limbs):
+        assert legs_of(puppet.model_copy(update=update)) == ()

@@ -20,14 +20,13 @@ def puppet(request, blob, blob_file, write_puppet, tmp_path, monkeypatch):
     return write_puppet(tmp_path / "blob.toml", mesh.name)
 
 
-def same(one, other):
+def assert_same(one, other):
     """Compare two prepared characters, bit for bit."""
     assert_same_fields(one.mesh, other.mesh)
     assert_same_fields(one.model, other.model)
-    assert one.character.document.gltf == other.character.document.gltf
-    assert one.character.document.blob == other.character.document.blob
-    assert one.character.document.notes == other.character.document.notes
-    return one.puppet == other.puppet
+    for part in ("gltf", "blob", "notes"):
+        assert getattr(one.character.document, part) == getattr(other.character.document, part)
+    assert one.puppet == other.puppet
 
 
 def kept():
@@ -42,5 +41,5 @@ def test_the_second_start_gives_the_same_and_computes_nothing(puppet, tmp_path, 
     for module in (preparation, shading):
         monkeypatch.setattr(module, "weld", None)  # a call would fail
     monkeypatch.setattr(preparation, "build", None)
-    assert same(load_prepared(puppet), first)
+    assert_same(load_prepared(puppet), first)
     assert kept() == files

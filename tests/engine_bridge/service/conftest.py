@@ -9,7 +9,7 @@ import socket
 import subprocess
 import threading
 import time
-from contextlib import closing, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 
 import numpy as np
@@ -17,9 +17,9 @@ import pytest
 import zmq
 from puppetline.examples.performances import PERFORMANCES
 from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
-from pythonosc.osc_message_builder import OscMessageBuilder
+from pythonosc.osc_message import OscMessage
 
-from capture.skeleton import JOINTS, SkeletonFrame
+from capture.skeleton import JOINTS
 from engine_bridge.service.control.control_socket import request
 from engine_bridge.service.monitoring.status import (
     CharacterStatus,
@@ -40,10 +40,11 @@ from engine_bridge.service.protocol.scene import StreamedCharacter
 from engine_bridge.service.stages.stage import Stage, StageSettings
 from puppetline.errors import ServiceError
 
-from ...capture.network.conftest import TWENTY
+from ...capture.network.conftest import TWENTY, message
 from ...waiting import wait_until
 from .client import TIMEOUT_SECONDS, Client
 from .in_process import AtOnce, InProcess
+from .outputs.frames import messages
 
 PLAYER_SETTINGS, STAGE_SETTINGS = PlayerSettings(), StageSettings()
 
@@ -89,13 +90,8 @@ def kung_fu():
 def moved():
     """Return a function that changes the time, the user or the position of a frame."""
 
-    def move(frame, time=None, user=None, by=(0.0, 0.0, 0.0)):
-        return SkeletonFrame(
-            frame.time if time is None else time,
-            frame.user if user is None else user,
-            frame.positions + np.array(by),
-            frame.confidence,
-        )
+    def move(frame, by=(0.0, 0.0, 0.0), **changed):
+        return replace(frame, positions=frame.positions + np.array(by), **changed)
 
     return move
 
@@ -111,19 +107,14 @@ class Sender:
             free.bind(("127.0.0.1", 0))
             self.port = free.getsockname()[1]
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-
-    @property
-    def uri(self):
-        return f"osc:{self.port}?units=mm&mirrored=0"
+        self.uri = f"osc:{self.port}?units=mm&mirrored=0"
 
     def send(self, frame, user=1):
         bundle = OscBundleBuilder(IMMEDIATELY)
         for joint, position, sure in zip(JOINTS, frame.positions, frame.confidence, strict=True):
             if sure > 0:
-                message = OscMessageBuilder("/joint")
-                for value, tag in zip((OSCELETON[joint], user, *map(float, 1000 * position)), "sifff", strict=True):
-                    message.add_arg(value, tag)
-                bundle.add_content(message.build())
+                values = OSCELETON[joint], user, *map(float, 1000 * position)
+                bundle.add_content(OscMessage(message("/joint", "sifff", *values)))
         self.raw(bundle.build().dgram)
 
     def raw(self, datagram):
@@ -133,18 +124,15 @@ class Sender:
         self.socket.close()
 
     def lose(self, user=1):
-        message = OscMessageBuilder("/lost_user")
-        message.add_arg(user, "i")
-        self.raw(message.build().dgram)
+        self.raw(message("/lost_user", "i", user))
 
     def play(self, frames, interval=1 / 60, user=1, until=lambda: False):
         """Send frames at an interval, up to the last one or until a condition holds; return their number."""
         sent = 0
-        for frame in frames:
+        for sent, frame in enumerate(frames, 1):
             if until():
-                break
+                return sent - 1
             self.send(frame, user)
-            sent += 1
             time.sleep(interval)
         return sent
 
@@ -217,9 +205,52 @@ class Served:
 
 
 @pytest.fixture
-def sender():
-    with closing(Sender()) as sending:
-        yield sending
+def sender(until_end):
+    return until_end(Sender())
+
+
+class Receiver:
+    """A socket that takes datagrams."""
+
+    def __init__(self, address=("127.0.0.1", 0), family=socket.AF_INET):
+        self.socket = socket.socket(family, socket.SOCK_DGRAM)
+        self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
+        self.socket.bind(address)
+        self.socket.setblocking(False)
+
+    @property
+    def port(self):
+        return self.socket.getsockname()[1]
+
+    def datagrams(self):
+        """Return all datagrams that have come."""
+        came = []
+        with suppress(BlockingIOError):
+            while True:
+                came.append(self.socket.recv(65536))
+        return came
+
+    def messages(self):
+        """Return what python-osc reads in them, see `messages`."""
+        return messages(self.datagrams())
+
+    def close(self):
+        self.socket.close()
+
+
+@pytest.fixture
+def receiver(until_end):
+    """Take what targets of OSC are sent."""
+    return until_end(Receiver())
+
+
+@pytest.fixture
+def manager(tmp_path, monkeypatch, until_end):
+    """Take what is said to systemd."""
+    monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+    for name in ("WATCHDOG_USEC", "WATCHDOG_PID"):
+        monkeypatch.delenv(name, raising=False)
+    return until_end(Receiver(str(tmp_path / "notify"), socket.AF_UNIX))
 
 
 @contextmanager

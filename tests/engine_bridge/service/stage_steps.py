@@ -2,33 +2,32 @@
 
 import itertools
 import json
+from dataclasses import replace
 from operator import attrgetter
 
 import numpy as np
 
 from capture.events import TICK_SECONDS, Cue, Tick
-from engine_bridge.service.stages.stage import PREPARATION_SECONDS
 
 
 def with_beginnings(stage, events):
     """Go through events, and before each one the cues that a `StageRunner` gives a stage for a recording."""
     for event in events:
-        for player in stage.players:
-            if (
-                player.next_calibration is not None
-                and event.time >= player.next_calibration.asked + PREPARATION_SECONDS
-            ):
-                calibration = json.loads(json.dumps(player.next_calibration.to_json(), allow_nan=False))
-                yield Cue(event.time, "begin", {"character": player.character.name, "calibration": calibration})
+        for cue in stage.beginnings(event.time, recorded=True):
+            yield replace(cue, arguments=as_read(cue.arguments))
         yield event
+
+
+def as_read(values):
+    """Return values as they are read back from a take."""
+    return json.loads(json.dumps(values, allow_nan=False))
 
 
 def play(stage, events):
     """Step through events; return the frames of each character."""
     shown = {player.character.name: [] for player in stage.players}
-    for event in with_beginnings(stage, events):
-        for frame in stage.step(event, 0):
-            shown[frame.character.name].append(frame)
+    for frame in replay(stage, with_beginnings(stage, events)):
+        shown[frame.character.name].append(frame)
     return shown
 
 
@@ -48,8 +47,17 @@ def replay(stage, events):
 
 def beginning(stage):
     """Return the cue with which a take of a stage begins, as it is read back."""
-    snapshot = json.loads(json.dumps(stage.snapshot(0.0), allow_nan=False))
+    snapshot = as_read(stage.snapshot(0.0))
     return Cue(snapshot["time"], "stage", snapshot)
+
+
+def states(frames):
+    return {frame.state for frame in frames}
+
+
+def phases(frames):
+    """Return the states one after the other."""
+    return [state for state, _ in itertools.groupby(frame.state for frame in frames)]
 
 
 def from_the_middle(make, events, cut):
@@ -61,7 +69,10 @@ def from_the_middle(make, events, cut):
     assert len(ours) == len(theirs) > 50
     assert [player.sensor for player in stage.players] == [player.sensor for player in other.players]
     for a, b in zip(ours, theirs, strict=True):
-        assert (a.character.name, a.time, a.state, a.user) == (b.character.name, b.time, b.state, b.user)
+        assert a.character.name == b.character.name
+        assert a.time == b.time
+        assert a.state == b.state
+        assert a.user == b.user
     return ours, theirs, np.array([frame.time for frame in ours]) - begin.time
 
 
@@ -75,9 +86,10 @@ def ticks(start, seconds):
     return [Tick(start + k * TICK_SECONDS) for k in range(1, round(seconds / TICK_SECONDS) + 1)]
 
 
-def largest_step(frames, diagonal):
+def largest_step(frames):
     """Return how far any handle goes from one frame to the next, in diagonals."""
-    return max(np.linalg.norm(b.handles - a.handles, axis=1).max() for a, b in itertools.pairwise(frames)) / diagonal
+    steps = [np.linalg.norm(b.handles - a.handles, axis=1).max() for a, b in itertools.pairwise(frames)]
+    return max(steps) / frames[0].character.prepared.mesh.diagonal
 
 
 def level(time, **changed):

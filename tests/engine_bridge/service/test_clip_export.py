@@ -6,7 +6,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from engine_bridge.inspection.files import inspect
 from engine_bridge.performance.clip import load_timeline, solve
-from engine_bridge.performance.prepared_character import load_prepared
 from engine_bridge.performance.settings import Settings
 from engine_bridge.service.clip_export import write_clip
 from engine_bridge.service.protocol.clip_file import read_clip
@@ -24,27 +23,24 @@ def written(take, blob_puppet, tmp_path_factory):
     return write_clip(take, blob_puppet, output, "dancer", Settings()), output
 
 
-def test_the_frames_are_those_of_convert_bit_for_bit(written, take, blob_puppet):
-    _, output = written
-    prepared = load_prepared(blob_puppet)
-    timeline, _ = load_timeline(take, Settings())
-    solved = solve(prepared, timeline, Settings())
-    controls = to_file_units(solved.R[:], prepared.model)
-    controls[..., 3] += solved.root[:][:, None]
-    _, _, *frames = read_clip(output.read_bytes())
-    assert_array_equal([frame.body for frame in frames], controls)
-    assert_array_equal(np.float32([frame.header.root for frame in frames]), solved.root[:])
-    assert [frame.header.sequence for frame in frames] == list(range(len(frames)))
-    assert {STATES[frame.header.state] for frame in frames} == {"performing"}
-    assert_allclose([frame.header.time for frame in frames], timeline.times, rtol=0, atol=1e-12)
-
-
-def test_the_scene_is_the_one_that_a_service_sends(written, blob_puppet):
+def test_the_frames_are_those_of_convert_bit_for_bit_and_the_scene_is_the_one_that_a_service_sends(
+    written, take, prepared_blob
+):
     summary, output = written
-    _, scene, *_ = read_clip(output.read_bytes())
-    character = StreamedCharacter.of("dancer", load_prepared(blob_puppet))
+    timeline, _ = load_timeline(take, Settings())
+    solved = solve(prepared_blob, timeline, Settings())
+    controls = to_file_units(solved.R[:], prepared_blob.model)
+    controls[..., 3] += solved.root[:][:, None]
+    _, scene, *frames = read_clip(output.read_bytes())
+    assert_array_equal([frame.body for frame in frames], controls)
+    headers = [frame.header for frame in frames]
+    assert_array_equal(np.float32([each.root for each in headers]), solved.root[:])
+    assert [each.sequence for each in headers] == list(range(len(frames)))
+    assert {STATES[each.state] for each in headers} == {"performing"}
+    assert_allclose([each.time for each in headers], timeline.times, rtol=0, atol=1e-12)
+    character = StreamedCharacter.of("dancer", prepared_blob)
     assert scene.header.revision == summary.revision == character.revision
-    assert StreamedCharacter.of("other", character.prepared).revision != character.revision
+    assert StreamedCharacter.of("other", prepared_blob).revision != character.revision
     assert scene.header.length == len(character.scene)
 
 
@@ -71,5 +67,6 @@ def test_frames_have_the_weights_of_the_targets_that_a_voice_moves(talking, fram
     log = record_events(tmp_path / "talk.log", said)
     write_clip(log, talking(limbs=True), tmp_path / "talk.clip", None, Settings())
     _, scene, *shown = read_clip((tmp_path / "talk.clip").read_bytes())
-    assert (scene.body.facts["targets"], scene.body.facts["character"]) == (["jaw"], "talking")
+    assert scene.body.facts["targets"] == ["jaw"]
+    assert scene.body.facts["character"] == "talking"
     assert_allclose([each.targets for each in shown], voices[:, None], atol=1e-5)

@@ -4,6 +4,7 @@ from io import BytesIO
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from PIL import Image
 
 from capture.events import TICK_SECONDS, Tick
@@ -68,10 +69,11 @@ def test_the_answer_has_the_picture_and_the_joints_where_they_are_in_it(watched)
     assert np.abs(pixels.astype(int) - COLOR).max() <= 4
     [performer] = answer["performers"]
     assert performer["joints"].pop(HIDDEN) is None
-    np.testing.assert_allclose(performer["joints"], np.delete(LENS.project(POSITIONS) / [640, 480], HIDDEN, axis=0))
+    assert_allclose(performer["joints"], np.delete(LENS.project(POSITIONS) / [640, 480], HIDDEN, axis=0))
     assert performer["text"].startswith("user 3: 19 of 20 joints tracked, ")
     assert "User 3: lost joints: left hand." in [reason["what"] for reason in answer["reasons"]]
-    assert (answer["stage"], answer["source"]) == ("stage", "camera:0")
+    assert answer["stage"] == "stage"
+    assert answer["source"] == "camera:0"
 
 
 def test_without_a_performer_the_answer_says_why_and_nothing_is_remembered_unless_a_client_asks(watched):
@@ -79,7 +81,8 @@ def test_without_a_performer_the_answer_says_why_and_nothing_is_remembered_unles
     service.run(1.0)
     assert service.runner._monitor is None
     answer = service.ask("look")
-    assert (answer["performers"], answer["picture"]["width"]) == ([], 640)
+    assert answer["performers"] == []
+    assert answer["picture"]["width"] == 640
     assert [reason["what"] for reason in answer["reasons"]] == ["No performer is in view."]
     service.run(stage_runner.WATCHED_SECONDS - 0.1)
     assert service.runner._monitor is not None
@@ -89,12 +92,12 @@ def test_without_a_performer_the_answer_says_why_and_nothing_is_remembered_unles
 
 def test_requests_that_wait_share_one_picture_and_the_next_comes_later(watched, monkeypatch):
     made = []
-    monkeypatch.setattr(look_command, "seen", lambda *_: made.append(clock.now()) or {"number": len(made)})
+    monkeypatch.setattr(look_command, "seen", lambda *_: made.append(clock.now()) or len(made))
     service = watched()
     asked = [service.request("look") for _ in range(3)]
     service.until(lambda: all(asked))
-    assert [json.loads(reply)["result"] for [reply] in asked] == [{"number": 1}] * 3
-    assert service.ask("look") == {"number": 2}
+    assert [json.loads(reply)["result"] for [reply] in asked] == [1] * 3
+    assert service.ask("look") == 2
     assert look_command.PERIOD_SECONDS <= made[1] - made[0] <= look_command.PERIOD_SECONDS + 2 * TICK_SECONDS
     replies = service.request("look")
     service.service._looking.advance([])  # the stage is gone

@@ -4,12 +4,11 @@ import fcntl
 import json
 import os
 import re
-import select
 import signal
-import socket
 import subprocess
 import sys
 import urllib.request
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -17,9 +16,8 @@ import pytest
 from capture import body
 from capture.events import Cue
 from capture.skeleton import JOINT_INDEX
-from engine_bridge.service import discovery
-from engine_bridge.service import service as service_module
 from engine_bridge.service.commands import commands
+from engine_bridge.service.discovery import Announcement
 from puppetline.errors import ServiceError
 
 WALK = ("--source", "demo:walk?loop", "--calibrate", "at_once")
@@ -35,31 +33,6 @@ def performed(play, blob_puppet, sender, kung_fu):
     return service
 
 
-def states(frames):
-    return {frame.state for frame in frames}
-
-
-def test_reloading_keeps_performers_and_an_invalid_file_changes_nothing(performed, blob_puppet):
-    client = performed.client("blob/scene")
-    [first] = performed.heard(client)
-    text = blob_puppet.read_text()
-    try:
-        blob_puppet.write_text(text.replace('name = "head"', 'name = "nose"'))
-        assert performed.ask("reload") == {"characters": ["blob"]}
-        performed.run(1.5)
-        [scene] = performed.heard(client, kind="scene")
-        assert scene.header.revision != first.header.revision
-        assert [handle["name"] for handle in scene.body.facts["handles"]].count("nose") == 1
-        frame = performed.frames[-1]
-        assert (frame.character.revision, frame.state, frame.user) == (scene.header.revision, "performing", 1)
-        blob_puppet.write_text(text.replace("position = ", "position =" + " 7 #"))
-        assert str(blob_puppet) in performed.ask("reload")["where"]
-        assert states(performed.run(0.5)) == {"performing"}
-    finally:
-        blob_puppet.write_text(text)
-    assert performed.ask("reload") == {"characters": ["blob"]}
-
-
 def test_a_reload_ends_a_take_every_request_is_answered_and_a_restarted_service_knows_its_performers(
     performed, play, blob_puppet, sender, kung_fu, tmp_path
 ):
@@ -73,7 +46,7 @@ def test_a_reload_ends_a_take_every_request_is_answered_and_a_restarted_service_
     performed.close()
     again = play("--puppet", blob_puppet, "--source", sender.uri)
     again.perform(sender, kung_fu[100:160])  # never still for a second
-    assert "performing" in states(again.run(2.0))
+    assert "performing" in {frame.state for frame in again.run(2.0)}
 
 
 def test_a_take_does_not_begin_while_a_reload_would_end_it(performed):
@@ -86,23 +59,15 @@ def test_a_take_does_not_begin_while_a_reload_would_end_it(performed):
     assert performed.runner.recording == "late"
 
 
-def test_osc_and_the_watchdog_come_at_their_rates(play, blob_puppet, tmp_path, monkeypatch):
-    with socket.socket(type=socket.SOCK_DGRAM) as osc, socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as systemd:
-        osc.bind(("127.0.0.1", 0))
-        systemd.bind(str(tmp_path / "notify"))
-        monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
-        monkeypatch.setenv("WATCHDOG_USEC", "1000000")
-        target = f"127.0.0.1:{osc.getsockname()[1]}"
-        service = play("--puppet", blob_puppet, *WALK, "--osc", target, "--osc-rate", 10)
-        received = {osc: [], systemd: []}
-        for _ in range(30):
-            service.run(0.1)
-            while ready := select.select([*received], [], [], 0)[0]:
-                for each in ready:
-                    received[each].append(each.recv(65536))
-    assert sum(b"/puppetline/blob/handle/head" in datagram for datagram in received[osc]) in (30, 31)
-    assert received[systemd].count(b"WATCHDOG=1") == 6
-    assert b"STATUS=1 of 1 characters performing" in received[systemd]
+def test_osc_and_the_watchdog_come_at_their_rates(play, blob_puppet, receiver, manager, monkeypatch):
+    monkeypatch.setenv("WATCHDOG_USEC", "1000000")
+    target = f"127.0.0.1:{receiver.port}"
+    service = play("--puppet", blob_puppet, *WALK, "--osc", target, "--osc-rate", 10)
+    service.run(3.0)
+    assert [address for address, _ in receiver.messages()].count("/puppetline/blob/handle/head") in (30, 31)
+    told = manager.datagrams()
+    assert told.count(b"WATCHDOG=1") == 6
+    assert b"STATUS=1 of 1 characters performing" in told
 
 
 def test_the_status_has_the_performers_height_and_the_sensors_position_and_is_at_prometheus(
@@ -113,73 +78,69 @@ def test_the_status_has_the_performers_height_and_the_sensors_position_and_is_at
     service = play("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--metrics", metrics)
     service.run(0.5)
     [user] = service.stage()["users"]
-    assert (user["user"], user["state"], user["character"]) == (1, "calibrating", "blob")
-    assert (user["height"], user["reach"]) == (None, None)
-    assert user["seen"] < 0.1
-    assert user["distance"] == pytest.approx(np.hypot(*np.median(kung_fu[0].positions[:, ::2], axis=0)), abs=0.2)
+    distance, seen = user.pop("distance"), user.pop("seen")
+    unknown = {"height": None, "reach": None}
+    assert user == {"user": 1, "state": "calibrating", "character": "blob"} | unknown
+    assert seen < 0.1
+    assert distance == pytest.approx(np.hypot(*np.median(kung_fu[0].positions[:, ::2], axis=0)), abs=0.2)
     service.run(3.0)
-    [user] = service.stage()["users"]
+    stage = service.stage()
+    [user] = stage["users"]
     rest = body.resting_pose(np.stack([f.positions for f in kung_fu]), np.stack([f.confidence for f in kung_fu]), 0, 30)
-    hands = [JOINT_INDEX["hand_left"], JOINT_INDEX["hand_right"]]
+    reach = body.reach(rest)[[JOINT_INDEX["hand_left"], JOINT_INDEX["hand_right"]]].mean()
     assert user["state"] == "performing"
     assert user["height"] == pytest.approx(body.height(rest), abs=0.01)
-    assert user["reach"] == pytest.approx(body.reach(rest)[hands].mean(), abs=0.01)
-    assert service.stage()["sensor"] == stands
+    assert user["reach"] == pytest.approx(reach, abs=0.01)
+    assert stage["sensor"] == stands
     with urllib.request.urlopen(f"http://127.0.0.1:{metrics}/metrics") as answer:
         assert b'\npuppetline_character_state{character="blob",state="performing"} 1' in answer.read()
 
 
 def test_a_reload_reads_the_stages_of_the_service_file_again(play, blob_puppet, tmp_path, monkeypatch):
     file, announced = tmp_path / "service.toml", []
+    monkeypatch.setattr(Announcement, "__init__", lambda _, *arguments: announced.append(arguments))
+    monkeypatch.setattr(Announcement, "rename", lambda _, names: announced.append(names))
+    monkeypatch.setattr(Announcement, "close", Mock())
 
-    class Announcement(discovery.Announcement):
-        def __init__(self, *arguments):
-            announced.append(arguments)
-
-        rename = announced.append
-
-        def close(self):
-            pass
-
-    def write(*stages):
+    def write(**stages):
         tables = "".join(
             f'[[stage]]\nname = "{name}"\nsource = "demo:{source}"\ncalibrate = "at_once"\n'
             f'[[stage.character]]\npuppet = "{blob_puppet}"\nname = "{name}"\n'
-            for name, source in stages
+            for name, source in stages.items()
         )
         file.write_text("[network]\nport = 0\n" + tables)
 
-    monkeypatch.setattr(service_module, "Announcement", Announcement)
-    write(("one", "walk?loop"))
+    write(one="walk?loop")
     service = play("--config", file)
-    [stream], [control] = service.service.stream, service.service.control.endpoints
-    ports = [int(each.rpartition(":")[2]) for each in (stream, control)]
+    ports = [int(each.rpartition(":")[2]) for each in (*service.service.stream, *service.service.control.endpoints)]
     assert announced == [("127.0.0.1", *ports, "NULL", ["one"])]
     early = service.client("two/scene")
     before = service.run(1.0)[-1]
-    write(("one", "walk?loop"), ("two", "rear?loop"))
+    write(one="walk?loop", two="rear?loop")
     assert service.ask("reload") == {"characters": ["one", "two"]}
     assert announced[-1] == ["one", "two"]
     assert [message.topic for message in service.heard(early)] == ["two/scene"]
     service.run(1.0)
-    later = service.of("one")[-1]
+    later, other = service.of("one")[-1], service.of("two")[-1]
     [listed] = service.heard(service.client("service/characters"))
     assert [each["name"] for each in listed.body] == ["one", "two"]
-    assert (before.state, later.state, service.of("two")[-1].state) == ("performing",) * 3
+    assert before.state == later.state == other.state == "performing"
     assert later.character.revision == before.character.revision
     numbers = [frame.sequence for frame in service.frames if frame.character.name == "one"]
     assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
-    write(("one", "nothing"))
+    write(one="nothing")
     assert "nothing" in service.ask("reload")["found"]
     assert service.ask("list")["characters"] == ["one", "two"]
-    write(("two", "roar?loop"))
+    write(two="roar?loop")
     service.ask("record_start", stage="two", name="take")
     service.run(1.0)
     service.ask("record_stop", stage="two")
     service.ask("play_take", character="two", take="take")
     assert service.ask("pause")["paused"]
     assert service.ask("reload") == {"characters": ["two"]}
-    assert (service.stage()["name"], service.stage()["source"]) == ("two", "demo:roar?loop")
+    stage = service.stage()
+    assert stage["name"] == "two"
+    assert stage["source"] == "demo:roar?loop"
     late = service.client("one/performer", "one/scene", "two/scene")
     assert [message.topic for message in service.heard(late)] == ["two/scene"]
     service.run(2.0)
@@ -187,27 +148,23 @@ def test_a_reload_reads_the_stages_of_the_service_file_again(play, blob_puppet, 
     assert len(held) >= 29
     assert all(np.array_equal(R, held[0]) for R in held)
     service.ask("stop")
-    turned = service.run(1.0)
-    assert turned[-1].state == "performing"
-    assert not np.array_equal(turned[-1].pose.R, held[0])
+    turned = service.run(1.0)[-1]
+    assert turned.state == "performing"
+    assert not np.array_equal(turned.pose.R, held[0])
 
 
 # From here on the process is the subject.
 
 
 @pytest.mark.slow
-def test_a_stopped_service_ends_cleanly_and_leaves_a_complete_take(serve, blob_puppet, tmp_path):
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as systemd:
-        systemd.bind(str(tmp_path / "notify"))
-        service = serve("--puppet", blob_puppet, *WALK, env={"NOTIFY_SOCKET": str(tmp_path / "notify")})
-        assert systemd.recv(4096) == b"READY=1"
-        service.ask("record_start", name="last")
-        service.client("blob/controls").until(lambda message: message.header.sequence % 40 == 0)
-        assert service.stop() == 0
-        told = []
-        while select.select([systemd], [], [], 0)[0]:
-            told.append(systemd.recv(4096))
-    assert told[-1] == b"STOPPING=1"
+def test_a_stopped_service_ends_cleanly_and_leaves_a_complete_take(serve, blob_puppet, tmp_path, manager):
+    service = serve("--puppet", blob_puppet, *WALK)
+    service.ask("record_start", name="last")
+    service.client("blob/controls").until(lambda message: message.header.sequence % 40 == 0)
+    assert service.stop() == 0
+    first, *_, last = manager.datagrams()
+    assert first == b"READY=1"
+    assert last == b"STOPPING=1"
     assert (tmp_path / "takes" / "last.log").read_bytes().endswith(b"}\n")
     assert not [line for line in service.log if "Traceback" in line]
 

@@ -42,15 +42,19 @@ def test_every_frame_is_shown_or_dropped_by_a_stall_whatever_else_happens(
         sender.raw(chance.randbytes(chance.randrange(1, 200)))
         sent["garbage"] += 1
 
+    def ask(do, **arguments):
+        return lambda: service.ask(do, **arguments)
+
+    dog = {"character": "blob"}
     faults = {
         "stall": stall,
         "garbage": garbage,
         "lose": sender.lose,
-        "mirror": lambda: service.ask("mirror", character="blob"),
-        "nonsense": lambda: service.ask("mirror", character=chance.randrange(10)),
-        "calibrate": lambda: service.ask("calibrate", character="blob"),
-        "reload": lambda: service.ask("reload"),
-        "remap": lambda: service.ask("set_handle", character="blob", handle="head", gain=chance.random()),
+        "mirror": ask("mirror", **dog),
+        "nonsense": ask("mirror", character=7),
+        "calibrate": ask("calibrate", **dog),
+        "reload": ask("reload"),
+        "remap": lambda: service.ask("set_handle", handle="head", gain=chance.random(), **dog),
         "silence": lambda: service.run(chance.choice((0.1, 0.7, 2.0))),
     }
     for _ in range(TURNS):
@@ -63,16 +67,13 @@ def test_every_frame_is_shown_or_dropped_by_a_stall_whatever_else_happens(
             done[name] += 1
     service.run(3.0)
     stage = service.stage()
-    shown = service.service.runners[0].skeletons
     assert done.keys() == faults.keys()
     assert sum(stage["refused"].values()) == sent["garbage"]
-    assert shown + stage["dropped"] == sent["frame"]
+    assert service.runner.skeletons + stage["dropped"] == sent["frame"]
     assert stage["faults"] == 0
-    assert not [record for record in caplog.records if "internal error" in record.message]
-    numbers = [frame.sequence for frame in service.frames]
-    assert numbers == list(range(1, len(numbers) + 1))
-    times = [frame.time for frame in service.frames]
-    assert times == sorted(times)
+    assert "internal error" not in caplog.text
+    assert [frame.sequence for frame in service.frames] == [*range(1, len(service.frames) + 1)]
+    assert (np.diff([frame.time for frame in service.frames]) >= 0).all()
     assert all(np.isfinite(frame.pose.controls).all() for frame in service.frames)
 
 
@@ -87,7 +88,9 @@ def test_a_good_client_misses_nothing_over_a_long_day_with_all_faults(blob_puppe
     assert sum(report["refused"].values()) > 100
     assert report["clients_refused"] > 0
     assert (report["faults"], report["tracebacks"], report["exit_code"]) == (0, 0, 0), report["logged"]
-    assert (report["lost"], report["not_finite"], report["back_in_time"]) == (0, 0, 0)
+    assert report["lost"] == 0
+    assert report["not_finite"] == 0
+    assert report["back_in_time"] == 0
     assert report["late_client"]
     assert report["unanswered"] == 0
     assert report["memory_mb"]["growth"] < 0.2, report["memory_mb"]

@@ -23,7 +23,8 @@ def test_a_video_is_recorded_whole(squats, tmp_path, commands):
     result = commands.run("record", "--source", f"video:{squats}?height=1.65", "-o", take, "--json")
     summary = json.loads(result.stdout)
     assert result.stderr == "", "MediaPipe says a lot"
-    assert (summary["frames"], summary["users"]) == (PICTURES, [1])
+    assert summary["frames"] == PICTURES
+    assert summary["users"] == [1]
     [clip] = read_log(take)
     np.testing.assert_allclose(np.diff(clip.times), 0.2, atol=1e-6)
     assert [height(pose) for pose in clip.positions] == pytest.approx([1.65] * PICTURES, abs=1e-3)
@@ -44,4 +45,5 @@ def test_a_broken_video_is_one_line_and_exit_code_1(tmp_path, commands):
     result = commands.run("look", "--source", f"video:{tmp_path}/cut.mp4", "-o", tmp_path / "look.png")
     [line] = result.stderr.splitlines()
     assert "found no image in" in line
-    assert (result.returncode, result.stdout) == (1, "")
+    assert result.returncode == 1
+    assert result.stdout == ""

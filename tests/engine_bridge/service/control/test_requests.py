@@ -20,17 +20,6 @@ from puppetline.errors import ServiceError
 
 from ...refusals import refused
 
-scalars = st.one_of(
-    st.none(), st.booleans(), st.integers(-(2**63), 2**64 - 1), st.floats(allow_nan=False), st.text(max_size=30)
-)
-flat = st.dictionaries(st.text(st.characters(codec="utf-8"), max_size=20), scalars, max_size=16)
-
-
-@given(flat)
-def test_both_encodings_say_the_same(values):
-    for body in (json.dumps(values).encode(), msgpack.packb(values)):
-        assert decode(body, encoding_of(body)) == values
-
 
 @pytest.mark.parametrize(
     "body",

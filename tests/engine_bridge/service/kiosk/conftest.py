@@ -4,6 +4,7 @@ import math
 from concurrent.futures import Future
 from dataclasses import replace
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import pytest
 
@@ -40,19 +41,21 @@ def visitors(tmp_path):
 
 @pytest.fixture
 def films(monkeypatch):
-    """Make films at once; return the scene files, and the exit codes of the next processes."""
-    made, codes = [], []
+    """Make films at once; return the scene files, and the ends of the next processes: exit codes or errors."""
+    made, ends = [], []
 
     def make(_, clip):
         made.append(clip.scene)
-        code = codes.pop(0) if codes else 0
-        if not code:
+        end = ends.pop(0) if ends else 0
+        if isinstance(end, OSError):
+            raise end
+        if not end:
             for path in (clip.film, clip.path.with_suffix(".gif")):
                 path.write_bytes(b"film" * 250)
-        return code, ""
+        return end, ""
 
     monkeypatch.setattr(Kiosk, "_run", make)
-    return made, codes
+    return made, ends
 
 
 def follow(jobs):
@@ -91,10 +94,8 @@ class Runner:
     """A stage with a performer who drives a character, and whose hands are up when a visitor begins and ends."""
 
     def __init__(self, puppet):
-        character, document = SimpleNamespace(name="dog"), SimpleNamespace(path=puppet)
-        self.stage = SimpleNamespace(
-            name="stage", players=[SimpleNamespace(user=1, character=character, document=document)]
-        )
+        player = SimpleNamespace(user=1, character=SimpleNamespace(name="dog"), document=SimpleNamespace(path=puppet))
+        self.stage = SimpleNamespace(name="stage", players=[player])
         self.recording, self.recorded = None, []
 
     def start(self, _, path, seconds):
@@ -110,17 +111,17 @@ class Runner:
     def stop_recording(self):
         """End the take."""
         self.recording = None
-        return SimpleNamespace(close=lambda: None)
+        return Mock()
 
 
 @pytest.fixture
 def visit(visitors, films, given_clock, tmp_path):
-    """Have visitors come to a kiosk, each of whom records ten seconds; films take no time unless a test says so."""
+    """Have visitors come to a kiosk, each of whom records ten seconds, and films take some seconds."""
     jobs, runner = Jobs(lambda *_: AtOnce()), Runner(tmp_path / "dog.toml")
-    jobs.filming = Slowly(0.0)
 
-    def come(count, every=60.0, kiosk=None):
-        kiosk = kiosk or Kiosk(KioskTable(count_in=0), tmp_path / "takes", runner, lambda *_: None, jobs)
+    def come(count, every=60.0, film_seconds=0.0):
+        jobs.filming = Slowly(film_seconds)
+        kiosk = Kiosk(KioskTable(count_in=0), tmp_path / "takes", runner, lambda *_: None, jobs)
         for _ in range(count):
             for seconds in (10.0, every):
                 kiosk._asked.add(runner)
@@ -137,25 +138,14 @@ def visit(visitors, films, given_clock, tmp_path):
             jobs.filming.finish(jobs)
             kiosk.advance([])
 
-    def slow_films(seconds):
-        """Let films take this long from now on, as if the service had just started."""
-        jobs.filming = Slowly(seconds)
-        jobs.take_finished()
-
-    come.wait, come.slow_films, come.recorded = wait, slow_films, runner.recorded
+    come.wait, come.recorded = wait, runner.recorded
     yield come
     jobs.close()
 
 
 @pytest.fixture
 def open_kiosk(make_theatre, record_events, kung_fu, tmp_path):
-    """Open a kiosk whose visitor, raises both hands from second 2 to 5 and from 8 to 11."""
-
-    def open_it():
-        log = tmp_path / "performer.log"
-        if not log.exists():
-            still = [replace(kung_fu[0], time=kung_fu[0].time + k / 30) for k in range(14 * 30)]
-            record_events(log, list(signalling(still, (2, 5), (8, 11))))
-        return make_theatre(("dog",), "replay:performer.log", tables="[kiosk]\ncount_in = 1\nminutes = 1.0")
-
-    return open_it
+    """Open a kiosk whose visitor raises both hands from second 2 to 5 and from 8 to 11."""
+    still = [replace(kung_fu[0], time=kung_fu[0].time + k / 30) for k in range(14 * 30)]
+    record_events(tmp_path / "performer.log", signalling(still, (2, 5), (8, 11)))
+    return lambda: make_theatre(("dog",), "replay:performer.log", tables="[kiosk]\ncount_in = 1\nminutes = 1.0")

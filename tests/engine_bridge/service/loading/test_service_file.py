@@ -2,6 +2,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from engine_bridge.service.loading.service_file import character_names, from_flags, load, stage_names
+from engine_bridge.service.players.player_settings import PlayerSettings
 from puppetline.errors import ServiceError
 
 from ...refusals import refused_place
@@ -19,16 +20,15 @@ def read(tmp_path, text):
 
 
 def test_the_least_that_a_file_must_say(tmp_path):
-    service = read(tmp_path, STAGE + CHARACTER)
+    service = read(tmp_path, BOTH)
     [stage] = service.stage
     assert stage_names(service) == ["stage"]
     assert character_names(stage) == ["dog"]
-    assert (service.network.host, service.network.port, service.announce) == ("127.0.0.1", 7400, True)
-    assert (stage.settings.people, stage.player_settings.calibrate, stage.player_settings.tilt) == (
-        "each",
-        "still",
-        None,
-    )
+    assert service.network.host == "127.0.0.1"
+    assert service.network.port == 7400
+    assert service.announce
+    assert stage.settings.people == "each"
+    assert stage.player_settings == PlayerSettings()
 
 
 def test_all_that_it_can_say(tmp_path):
@@ -72,7 +72,8 @@ puppet = "figures/big dog (2).toml"
     assert stage_names(service) == ["left", "stage2"]
     assert [character_names(stage) for stage in service.stage] == [["rex"], ["big_dog_2"]]
     assert service.stage[0].settings.turn == 45
-    assert (service.stage[0].player_settings.tilt, service.stage[0].player_settings.height) == (12.5, 1.6)
+    assert service.stage[0].player_settings.tilt == 12.5
+    assert service.stage[0].player_settings.height == 1.6
     assert service.metrics.port == 9464
     assert service.osc[0].send == ("controls", "morphs")
 
@@ -106,12 +107,13 @@ def test_a_mistake_is_named_with_its_place(tmp_path):
 
 
 def test_flags_stand_for_a_file():
-    one = from_flags(("osc:7110",), (Path("a.toml"), Path("b.toml")), {"people": "nearest"}, {"idle": "i.log"}, {})
-    assert [(stage.source, character_names(stage), stage.people) for stage in one.stage] == [
-        ("osc:7110", ["a", "b"], "nearest")
-    ]
-    assert one.stage[0].character[1].idle == "i.log"
-    two = from_flags(("osc:1", "osc:2"), (Path("a.toml"), Path("b.toml")), {}, {}, {})
+    puppets = Path("a.toml"), Path("b.toml")
+    [one] = from_flags(("osc:7110",), puppets, {"people": "nearest"}, {"idle": "i.log"}, {}).stage
+    assert one.source == "osc:7110"
+    assert one.people == "nearest"
+    assert character_names(one) == ["a", "b"]
+    assert one.character[1].idle == "i.log"
+    two = from_flags(("osc:1", "osc:2"), puppets, {}, {}, {})
     assert [(stage.source, character_names(stage)) for stage in two.stage] == [("osc:1", ["a"]), ("osc:2", ["b"])]
 
 

@@ -98,7 +98,3 @@ def test_a_terminal_that_is_halted_halts_neither_updates_nor_the_end(status):
     assert display._thread.is_alive()
     Halted.released.set()
     display._thread.join()
-
-
-def test_a_narrow_terminal_is_no_failure(status, silent):
-    assert drawn(status, width=30)[0] == drawn(silent, width=30)[0]

@@ -12,31 +12,9 @@ from engine_bridge.service.monitoring.systemd import Notifier
 from engine_bridge.service.stages.calibration_store import state_file
 from engine_bridge.studio.server import studio_folder
 
+from ..conftest import Receiver
+
 UNIT = Path(__file__).parents[4] / "packaging" / "systemd" / "puppetline.service"
-
-
-@pytest.fixture(params=["path", "abstract"])
-def manager(request, tmp_path, monkeypatch):
-    """A socket as systemd has one, in the file system or abstract; gives all datagrams that have come."""
-    if request.param == "abstract" and not sys.platform.startswith("linux"):
-        pytest.skip("abstract sockets are Linux's")
-    address = str(tmp_path / "notify") if request.param == "path" else f"\0puppetline-test-{os.getpid()}"
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as receiver:
-        receiver.bind(address)
-        receiver.setblocking(False)
-        monkeypatch.setenv("NOTIFY_SOCKET", address.replace("\0", "@"))
-        monkeypatch.delenv("WATCHDOG_USEC", raising=False)
-        monkeypatch.delenv("WATCHDOG_PID", raising=False)
-
-        def received():
-            came = []
-            while True:
-                try:
-                    came.append(receiver.recv(4096).decode())
-                except BlockingIOError:
-                    return came
-
-        yield received
 
 
 @pytest.fixture
@@ -50,54 +28,61 @@ def test_each_state_is_a_datagram_as_sd_notify_sends_it(manager, notifier, given
     told.status("2 users,\n30 frames a second\nREADY=0")
     told.reloading()
     told.stopping()
-    ready, status, reloading, stopping = manager()
-    assert (ready, stopping) == ("READY=1", "STOPPING=1")
-    assert status == "STATUS=2 users, 30 frames a second READY=0"
-    assert reloading == f"RELOADING=1\nMONOTONIC_USEC={round(1e6 * given_clock.now())}"
+    assert manager.datagrams() == [
+        b"READY=1",
+        b"STATUS=2 users, 30 frames a second READY=0",
+        b"RELOADING=1\nMONOTONIC_USEC=%d" % round(1e6 * given_clock.now()),
+        b"STOPPING=1",
+    ]
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="abstract sockets are Linux's")
+def test_the_socket_may_be_abstract(notifier, monkeypatch, until_end):
+    name = f"puppetline-test-{os.getpid()}"
+    manager = until_end(Receiver(f"\0{name}", socket.AF_UNIX))
+    monkeypatch.setenv("NOTIFY_SOCKET", f"@{name}")
+    notifier().ready()
+    assert manager.datagrams() == [b"READY=1"]
 
 
 def test_the_watchdog_is_fed_by_frames_and_by_nothing_else(manager, notifier, monkeypatch, given_clock):
     monkeypatch.setenv("WATCHDOG_USEC", "10000000")
     told = notifier()
-    told.watchdog(0)
-    assert manager() == []
-    told.watchdog(1)
-    assert manager() == ["WATCHDOG=1"]
-    for k in range(2, 50):  # not more often than at half of the time
-        given_clock.advance(0.1)
-        told.watchdog(k)
-    assert manager() == []
+
+    def feed(*frames, after=0.0):
+        for number in frames:
+            given_clock.advance(after)
+            told.watchdog(number)
+        return len(manager.datagrams())
+
+    assert feed(0) == 0
+    assert feed(1) == 1
+    assert feed(*range(2, 50), after=0.1) == 0  # not more often than at half of the time
     given_clock.advance_to(1005.0)
-    told.watchdog(50)
-    assert manager() == ["WATCHDOG=1"]
-    for _ in range(100):  # time alone does not feed it
-        given_clock.advance(1.0)
-        told.watchdog(50)
-    assert manager() == []
-    told.watchdog(51)
-    assert manager() == ["WATCHDOG=1"]
+    assert feed(50) == 1
+    assert feed(*[50] * 100, after=1.0) == 0  # time alone does not feed it
+    assert feed(51) == 1
 
 
 @pytest.mark.parametrize(
-    ("usec", "pid", "told"), [("", "", []), ("10000000", "1", []), ("x", "", []), ("10000000", "own", ["WATCHDOG=1"])]
+    ("usec", "pid", "count"), [("", None, 0), ("10000000", 1, 0), ("x", None, 0), ("10000000", os.getpid(), 1)]
 )
-def test_only_a_watchdog_for_this_process_is_fed(manager, notifier, monkeypatch, usec, pid, told):
-    for name, value in (("WATCHDOG_USEC", usec), ("WATCHDOG_PID", pid.replace("own", str(os.getpid())))):
-        if value:
-            monkeypatch.setenv(name, value)
+def test_only_a_watchdog_for_this_process_is_fed(manager, notifier, monkeypatch, usec, pid, count):
+    monkeypatch.setenv("WATCHDOG_USEC", usec)
+    if pid is not None:
+        monkeypatch.setenv("WATCHDOG_PID", str(pid))
     notifier().watchdog(5)
-    assert manager() == told
+    assert manager.datagrams() == [b"WATCHDOG=1"] * count
 
 
-def test_a_manager_that_is_gone_or_does_not_listen_is_not_waited_for(notifier, monkeypatch, tmp_path):
+def test_a_manager_that_is_gone_or_does_not_listen_is_not_waited_for(notifier, monkeypatch, tmp_path, until_end):
     monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "none"))
     told = notifier()
     told.ready()
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as deaf:
-        deaf.bind(str(tmp_path / "none"))
-        for k in range(10_000):  # far more than its queue holds
-            told.status(str(k))
-        assert deaf.recv(100) == b"STATUS=0"
+    deaf = until_end(Receiver(str(tmp_path / "none"), socket.AF_UNIX))
+    for k in range(10_000):  # far more than its queue holds
+        told.status(str(k))
+    assert deaf.datagrams()[0] == b"STATUS=0"
 
 
 def test_systemd_has_nothing_against_the_unit_file_and_calls_it_hard(tmp_path):
@@ -110,7 +95,9 @@ def test_systemd_has_nothing_against_the_unit_file_and_calls_it_hard(tmp_path):
         return subprocess.run(["systemd-analyze", *arguments, unit], capture_output=True, text=True, check=False)
 
     result = analyze("verify", "--man=no")
-    assert (result.returncode, result.stdout, result.stderr) == (0, "", "")
+    assert result.returncode == 0
+    assert result.stdout == ""
+    assert result.stderr == ""
     result = analyze("security", "--offline=true", "--threshold=20")
     assert result.returncode == 0 or "unrecognized option" in result.stderr, result.stdout
 
@@ -126,10 +113,3 @@ def test_files_kept_between_runs_are_in_folders_that_the_unit_may_write_to(tmp_p
     assert str(state_file()) == f"/var/lib/{owned['StateDirectory']}/performers.json"
     assert str(studio_folder()) == f"/var/lib/{owned['StateDirectory']}/studio"
     assert environment["NUMBA_CACHE_DIR"].startswith(f"/var/cache/{owned['CacheDirectory']}/")
-
-
-def test_the_unit_file_says_what_the_service_keeps_to():
-    lines = UNIT.read_text().splitlines()
-    for line in ("Type=notify", "Restart=on-failure", "ExecReload=/bin/kill -HUP $MAINPID", "NoNewPrivileges=yes"):
-        assert line in lines
-    assert any(line.startswith("WatchdogSec=") for line in lines)

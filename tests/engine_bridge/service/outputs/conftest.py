@@ -1,6 +1,4 @@
-"""Receivers of OSC."""
-
-import socket
+"""Outputs of OSC."""
 
 import pytest
 
@@ -8,17 +6,18 @@ from engine_bridge.service.outputs.osc import OscOutput, OscTable
 
 
 @pytest.fixture
-def receiver():
-    """A socket that takes what targets are sent."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as made:
-        made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
-        made.bind(("127.0.0.1", 0))
-        made.setblocking(False)
-        yield made
+def output(receiver, given_clock, until_end):
+    """Open outputs to the receiver."""
+    return lambda **more: until_end(OscOutput(OscTable(port=receiver.port, **more)))
 
 
 @pytest.fixture
-def output(receiver, given_clock, until_end):
-    """Open outputs to the receiver."""
-    port = receiver.getsockname()[1]
-    return lambda **more: until_end(OscOutput(OscTable(port=port, **more)))
+def give():
+    """Offer frames to an output and have it send what is due."""
+
+    def offer(out, *frames):
+        for frame in frames:
+            out.offer(frame)
+        out.send_due()
+
+    return offer

@@ -48,16 +48,6 @@ class Basis:
         return Projection(np.array([0.5, 0, 1], dtype=np.float32), 0.125, False)
 
 
-def received(receiver):
-    """Return all datagrams that have come."""
-    datagrams = []
-    while True:
-        try:
-            datagrams.append(receiver.recv(65536))
-        except BlockingIOError:
-            return datagrams
-
-
 def messages(datagrams):
     """Return what python-osc reads in datagrams: address and arguments, in their order."""
     contents = (OscBundle(each) if each.startswith(b"#bundle") else [OscMessage(each)] for each in datagrams)

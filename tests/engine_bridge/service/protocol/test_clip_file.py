@@ -3,20 +3,19 @@
 import numpy as np
 import pytest
 
-from engine_bridge.performance.pose import Pose
 from engine_bridge.service.protocol.clip_file import ClipFacts, beginning, frame_message, read_clip
 from engine_bridge.service.protocol.header import PAYLOAD_OFFSET, Header, Kind, WireError, join, split, topic
 from engine_bridge.service.protocol.scene import StreamedCharacter
 
 from ....oracles import assert_is_clause
+from ..outputs.frames import pose_of
 
 
 @pytest.fixture(scope="module")
 def messages(prepared_blob):
     """The description, the scene and three frames of a clip file."""
     character = StreamedCharacter.of("blob", prepared_blob)
-    model, nothing = prepared_blob.model, np.zeros((0, 3), np.float32)
-    pose = Pose(nothing, nothing, np.zeros(3, np.float32), model.rest_controls.astype(np.float32), model)
+    pose = pose_of(prepared_blob)
     content = beginning(character, ClipFacts("blob", character.revision, 3, 30.0, "walk"))
     size = PAYLOAD_OFFSET + split(content).header.length
     frames = [frame_message(character, number, number / 30, pose, np.zeros(2, np.float32)) for number in range(3)]

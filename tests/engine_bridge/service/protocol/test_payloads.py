@@ -41,7 +41,8 @@ def test_a_value_that_a_frame_lacks_gives_no_message(frame):
 def test_a_kind_of_a_later_minor_version_has_no_body():
     header = Header(kind=99, length=3, minor=9)
     later = decode(join(topic_field("dog/new"), header, b"abc"))
-    assert (later.header, later.body) == (header, None)
+    assert later.header == header
+    assert later.body is None
 
 
 def test_a_topic_of_another_kind_and_a_box_without_bounds_are_refused():
@@ -80,11 +81,13 @@ def test_any_message_is_understood_or_refused(content):
     body, kind, length = received.body, received.header.kind, received.header.length
     assert length <= len(content) - PAYLOAD_OFFSET
     if kind in (Kind.CONTROLS, Kind.JOINTS, Kind.HANDLES):
-        assert (body.dtype, body.nbytes) == (np.float32, length)
+        assert body.dtype == np.float32
+        assert body.nbytes == length
         assert body.shape[1:] == {Kind.CONTROLS: (3, 4), Kind.JOINTS: (4,), Kind.HANDLES: (3,)}[kind]
         assert kind != Kind.JOINTS or len(body) == 20
     elif kind == Kind.MORPHS:
-        assert (body.weights.dtype, body.weights.shape) == (np.float32, (length // 4 - 1,))
+        assert body.weights.dtype == np.float32
+        assert body.weights.shape == (length // 4 - 1,)
     elif kind in (Kind.VERTICES, Kind.VERTICES16):
         count = len(body.positions)
         assert body.positions.dtype == body.normals.dtype == np.float32

@@ -31,11 +31,7 @@ def test_normals_are_off_by_no_more_than_some_thousandths_of_a_degree():
     assert (np.einsum("vx,vx->v", normals, back) > 0).all()
 
 
-def test_axes_are_met_exactly():
-    axes = np.concatenate([np.eye(3), -np.eye(3)]).astype(np.float32)
-    assert_array_equal(normals_of(quantised(axes, axes)[2]), axes)
-
-
-def test_a_normal_without_direction_points_along_z():
-    zero = np.zeros((1, 3), dtype=np.float32)
-    assert_array_equal(normals_of(quantised(zero, zero)[2]), [[0, 0, 1]])
+def test_axes_are_met_exactly_and_a_normal_without_direction_points_along_z():
+    given = np.vstack([np.eye(3), -np.eye(3), np.zeros(3)]).astype(np.float32)
+    expected = np.vstack([given[:-1], [0, 0, 1]])
+    assert_array_equal(normals_of(quantised(given, given)[2]), expected)

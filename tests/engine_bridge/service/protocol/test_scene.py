@@ -5,44 +5,31 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_array_equal
 
 from engine_bridge.character.character import load_character
 from engine_bridge.service.protocol.header import WireError
 from engine_bridge.service.protocol.scene import DecodedScene, StreamedCharacter, parts, uv
 
 
-@pytest.fixture(scope="module")
-def character(prepared_blob):
-    return StreamedCharacter("dog", prepared_blob, 3)
-
-
 def test_parts_have_their_ranges_names_and_materials(glb, tmp_path, blob):
     red = {"baseColorFactor": [1, 0, 0, 0.5], "metallicFactor": 0.25, "roughnessFactor": 0.75}
     glb.file.materials.append({"name": "red", "pbrMetallicRoughness": red, "doubleSided": True, "alphaMode": "BLEND"})
-    faces = blob.faces.astype(np.uint32)
-    half = len(faces) // 2
+    one, other = np.array_split(blob.faces.astype(np.uint32), 2)
     mesh = glb.mesh(
-        glb.primitive(blob.vertices, faces[:half], material=0, TEXCOORD_0=blob.uv),
-        glb.primitive(blob.vertices, faces[half:]),
+        glb.primitive(blob.vertices, one, material=0, TEXCOORD_0=blob.uv), glb.primitive(blob.vertices, other)
     )
     glb.node(mesh, name="figure")
     character = load_character(glb.save(tmp_path / "figure.glb"))
     n = len(blob.vertices)
     first, second = parts(character)
-    assert (first["name"], first["vertices"], first["triangles"]) == ("figure", [0, n], [0, half])
-    assert (second["vertices"], second["triangles"]) == ([n, n], [half, len(faces) - half])
-    assert first["material"] == {
-        "name": "red",
-        "base_color": [1, 0, 0, 0.5],
-        "metallic": 0.25,
-        "roughness": 0.75,
-        "emissive": [0, 0, 0],
-        "alpha_mode": "BLEND",
-        "double_sided": True,
-    }
-    assert second["material"]["base_color"] == [1, 1, 1, 1]
-    assert not second["material"]["double_sided"]
-    np.testing.assert_array_equal(uv(character), np.concatenate([blob.uv, np.zeros_like(blob.uv)]))
+    material = {"name": "red", "base_color": [1, 0, 0, 0.5], "metallic": 0.25, "roughness": 0.75}
+    material |= {"emissive": [0, 0, 0], "alpha_mode": "BLEND", "double_sided": True}
+    shown = {"name": "figure", "vertices": [0, n], "triangles": [0, len(one)], "material": material}
+    assert first == first | shown
+    assert second == second | {"vertices": [n, n], "triangles": [len(one), len(other)]}
+    assert second["material"] == second["material"] | {"base_color": [1, 1, 1, 1], "double_sided": False}
+    assert_array_equal(uv(character), np.concatenate([blob.uv, np.zeros_like(blob.uv)]))
 
 
 WRONG = """
@@ -74,10 +61,11 @@ def described(facts, arrays=bytes(64)):
 
 
 @pytest.mark.parametrize("line", WRONG.strip().splitlines())
-def test_a_scene_that_contradicts_itself_is_refused(character, line):
+def test_a_scene_that_contradicts_itself_is_refused(prepared_blob, line):
     array, key, value = line.split(maxsplit=2)
-    (length,) = struct.unpack_from("<I", character.scene)
-    facts, arrays = json.loads(character.scene[4 : 4 + length]), character.scene[4 + length :]
+    scene = StreamedCharacter("dog", prepared_blob, 3).scene
+    end = 4 + struct.unpack_from("<I", scene)[0]
+    facts, arrays = json.loads(scene[4:end]), scene[end:]
     assert DecodedScene.decode(described(facts, arrays))
     facts["arrays"].get(array, facts)[key] = json.loads(value)
     with pytest.raises(WireError):

@@ -48,7 +48,8 @@ def test_a_loopback_address_needs_no_credentials(host):
     (endpoint,) = opened(host=host)
     assert endpoint.mechanism == "NULL"
     assert endpoint.stream.startswith(("tcp://127.", "tcp://[::1]"))
-    assert (endpoint.stream[-5:], endpoint.control[-5:]) == (":7400", ":7401")
+    assert endpoint.stream[-5:] == ":7400"
+    assert endpoint.control[-5:] == ":7401"
 
 
 OTHERS = ["*", "::", "192.168.0.7", "fe80::1", "::ffff:127.0.0.1"]
@@ -76,31 +77,28 @@ def test_a_name_counts_as_what_it_stands_for(monkeypatch):
 @pytest.mark.parametrize("host", ["0.0.0.0", "127.0.0.1"])
 def test_a_token_locks_every_address(host, token_file):
     (endpoint,) = opened(host=host, token_file=token_file)
-    token = token_file.read_bytes().strip()
-    assert (endpoint.mechanism, endpoint.stream) == ("PLAIN", f"tcp://{host}:7400")
+    token = read_token(token_file).encode()
+    assert endpoint.mechanism == "PLAIN"
+    assert endpoint.stream == f"tcp://{host}:7400"
     assert endpoint.admits([b"anybody", token])
     for wrong in ([], [token], [b"", b""], [b"", token[:-1]], [b"", token + b"x"], [token, b""], [b"", token, b""]):
         assert not endpoint.admits(wrong)
 
 
 def test_the_token_may_come_from_the_environment_and_the_file_outdoes_it(monkeypatch, token_file):
-    monkeypatch.setenv("PUPPETLINE_TOKEN", TOKEN)
-    (endpoint,) = opened()
-    assert endpoint.admits([b"", TOKEN.encode()])
-    (endpoint,) = opened(token_file=token_file)
-    assert not endpoint.admits([b"", TOKEN.encode()])
-    assert read_token(token_file) == token_file.read_text().strip()
-    assert read_token(None) == TOKEN
-    monkeypatch.delenv("PUPPETLINE_TOKEN")
     assert read_token(None) is None
+    monkeypatch.setenv("PUPPETLINE_TOKEN", TOKEN)
+    assert read_token(None) == TOKEN
+    assert opened()[0].admits([b"", TOKEN.encode()])
+    assert not opened(token_file=token_file)[0].admits([b"", TOKEN.encode()])
 
 
 @pytest.mark.parametrize("token", ["", "a" * 15, "a" * 256, "with a space in it", "naïve-but-long-enough", "a\nb" * 9])
 def test_a_weak_or_unsendable_token_is_refused_without_showing_it(monkeypatch, token):
     monkeypatch.setenv("PUPPETLINE_TOKEN", token)
-    from_environment = refused(ServiceError, opened)
-    assert "PUPPETLINE_TOKEN" in from_environment.where
-    assert not token or token not in str(from_environment)
+    told = refused(ServiceError, opened)
+    assert "PUPPETLINE_TOKEN" in told.where
+    assert not token or token not in str(told)
 
 
 @pytest.mark.parametrize("length", [16, 255])
@@ -109,35 +107,34 @@ def test_tokens_of_16_to_255_characters_are_taken(monkeypatch, length):
     assert opened()[0].admits([b"", b"~" * length])
 
 
-def test_a_token_that_others_can_read_is_refused_with_what_to_type(token_file):
-    for mode in (0o640, 0o604, 0o620, 0o601):
-        token_file.chmod(mode)
-        told = refused(ServiceError, opened, token_file=token_file)
-        assert f"{mode:03o}" in told.found
-        assert told.fix == f"Type: chmod go-rwx {token_file}"
+@pytest.mark.parametrize("mode", ["640", "604", "620", "601"])
+def test_a_token_that_others_can_read_is_refused_with_what_to_type(token_file, mode):
+    token_file.chmod(int(mode, 8))
+    told = refused(ServiceError, opened, token_file=token_file)
+    assert mode in told.found
+    assert told.fix == f"Type: chmod go-rwx {token_file}"
 
 
 def test_files_that_are_none_are_refused_without_waiting(tmp_path):
-    os.mkfifo(tmp_path / "pipe", 0o600)
-    (tmp_path / "folder").mkdir()
-    (tmp_path / "long").write_text("a" * 5000)
-    (tmp_path / "weak").write_text("short")
-    for name in ("pipe", "folder", "long", "weak", "nothing"):
-        if name in ("long", "weak"):
-            (tmp_path / name).chmod(0o600)
-        assert refused(ServiceError, opened, token_file=tmp_path / name).where == str(tmp_path / name)
+    names = pipe, folder, *written, _ = [tmp_path / name for name in ("pipe", "folder", "long", "weak", "nothing")]
+    os.mkfifo(pipe, 0o600)
+    folder.mkdir()
+    for path, text in zip(written, ("a" * 5000, "short"), strict=True):
+        path.write_text(text)
+        path.chmod(0o600)
+    for path in names:
+        assert refused(ServiceError, opened, token_file=path).where == str(path)
 
 
-def test_a_new_token_is_long_new_and_for_its_owner_only(tmp_path):
-    make_token(tmp_path / "one")
-    make_token(tmp_path / "two")
-    one, two = ((tmp_path / name).read_text().strip() for name in ("one", "two"))
-    assert len(one) == len(two) == 43
-    assert one != two
-    assert stat.S_IMODE((tmp_path / "one").stat().st_mode) == 0o600
-    refused(OutputError, make_token, tmp_path / "one")
-    assert (tmp_path / "one").read_text().strip() == one
-    assert {path.name for path in tmp_path.iterdir()} == {"one", "two"}
+def test_a_new_token_is_long_new_and_for_its_owner_only(tmp_path, token_file):
+    make_token(tmp_path / "other")
+    one, other = token_file.read_text().strip(), (tmp_path / "other").read_text().strip()
+    assert len(one) == len(other) == 43
+    assert one != other
+    assert stat.S_IMODE(token_file.stat().st_mode) == 0o600
+    refused(OutputError, make_token, token_file)
+    assert read_token(token_file) == one
+    assert {path.name for path in tmp_path.iterdir()} == {"token", "other"}
 
 
 def test_keys_are_those_of_zmq_auth_and_are_not_replaced(tmp_path):
@@ -150,54 +147,52 @@ def test_keys_are_those_of_zmq_auth_and_are_not_replaced(tmp_path):
     refused(OutputError, make_curve_keys, tmp_path / "other.key")
     refused(OutputError, make_curve_keys, secret)
     for gone, other in ((secret, public), (public, secret)):
-        kept = gone.read_bytes(), other.read_bytes()
+        content, kept = gone.read_bytes(), other.read_bytes()
         gone.unlink()
         refused(OutputError, make_curve_keys, secret)
-        assert not gone.exists()
-        gone.write_bytes(kept[0])
-        assert other.read_bytes() == kept[1]
+        assert gone.exists() is False
+        assert other.read_bytes() == kept
+        gone.write_bytes(content)
 
 
 def test_curve_is_a_door_of_its_own_beside_the_other_and_no_door_shows_its_secrets(curve, token_file):
     elsewhere = curve.model_copy(update={"host": "0.0.0.0"})
     for settings, doors in (
-        ({"host": "0.0.0.0", "curve": curve}, [("CURVE", "tcp://0.0.0.0:7410")]),
-        ({"curve": elsewhere}, [("NULL", "tcp://127.0.0.1:7400"), ("CURVE", "tcp://0.0.0.0:7410")]),
-        (
-            {"host": "::", "curve": curve, "token_file": token_file},
-            [("PLAIN", "tcp://[::]:7400"), ("CURVE", "tcp://[::]:7410")],
-        ),
+        ({"host": "0.0.0.0", "curve": curve}, {"CURVE": "0.0.0.0:7410"}),
+        ({"curve": elsewhere}, {"NULL": "127.0.0.1:7400", "CURVE": "0.0.0.0:7410"}),
+        ({"host": "::", "curve": curve, "token_file": token_file}, {"PLAIN": "[::]:7400", "CURVE": "[::]:7410"}),
     ):
         found = opened(**settings)
-        assert [(endpoint.mechanism, endpoint.stream) for endpoint in found] == doors
-        assert token_file.read_text().strip() not in repr(found)
+        assert {endpoint.mechanism: endpoint.stream.removeprefix("tcp://") for endpoint in found} == doors
+        assert read_token(token_file) not in repr(found)
         assert "secret_key" not in repr(found)
 
 
 def test_faulty_keys_are_refused_by_name(curve, tmp_path):
-    def told(name):
+    def fix(path):
         error = refused(ServiceError, opened, curve=curve)
-        assert error.where == str(tmp_path / name)
-        return error
+        assert error.where == str(path)
+        return error.fix
 
-    laptop, service = tmp_path / "clients" / "laptop.key", tmp_path / "service.key_secret"
+    clients, service = curve.clients_folder, curve.key_file
+    laptop = clients / "laptop.key"
     laptop.chmod(0o666)
-    assert f"chmod go-w {laptop}" in told("clients/laptop.key").fix
+    assert f"chmod go-w {laptop}" in fix(laptop)
     laptop.chmod(0o600)
     for content in (f'public-key = "{"%" * 40}"\n', ""):
         laptop.write_text(content)
-        told("clients/laptop.key")
+        fix(laptop)
     laptop.unlink()
-    told("clients")  # without a key
-    (tmp_path / "clients").chmod(0o777)
-    assert "chmod go-w" in told("clients").fix
-    (tmp_path / "clients").rmdir()
-    told("clients")
+    fix(clients)  # without a key
+    clients.chmod(0o777)
+    assert "chmod go-w" in fix(clients)
+    clients.rmdir()
+    fix(clients)
     service.chmod(0o644)
-    assert f"chmod go-rwx {service}" in told("service.key_secret").fix
+    assert f"chmod go-rwx {service}" in fix(service)
     service.chmod(0o600)
     service.write_bytes((tmp_path / "service.key").read_bytes())
-    told("service.key_secret")  # which holds the public one
+    fix(service)  # which holds the public one
 
 
 @pytest.mark.parametrize(

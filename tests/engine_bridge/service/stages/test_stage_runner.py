@@ -1,5 +1,6 @@
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import DEFAULT, Mock
 
 import numpy as np
 import pytest
@@ -7,7 +8,6 @@ import pytest
 from capture.body import upright
 from capture.events import Tick
 from capture.formats import read_log
-from capture.skeleton import SkeletonFrame
 from capture.source import SilentSource, wait
 from engine_bridge.service.players.player_settings import PlayerSettings
 from engine_bridge.service.stages.stage_runner import StageRunner
@@ -16,8 +16,6 @@ from puppetline.errors import ServiceError
 
 from ...refusals import refused
 from ..stage_steps import apart
-
-AT_ONCE = PlayerSettings(calibrate="at_once")
 
 
 def run(runner, until=lambda: False, seconds=20.0):
@@ -34,18 +32,29 @@ def run_to(runner, skeletons):
     return run(runner, lambda: runner.skeletons >= skeletons)
 
 
-def is_silent(runner):
-    return isinstance(runner.source.inner, SilentSource)
+def run_out(runner):
+    """Process events until the recording has ended."""
+    return run(runner, lambda: isinstance(runner.source.inner, SilentSource))
 
 
 @pytest.fixture
 def open_stage(make_stage, tmp_path, until_end, given_clock):
     """Open a source before a stage."""
+    return lambda source, **more: until_end(StageRunner(source, make_stage(**more), tmp_path))
 
-    def open_one(source, stage=None, **more):
-        return until_end(StageRunner(source, stage or make_stage(**more), tmp_path))
 
-    return open_one
+@pytest.fixture
+def given(open_stage, sender):
+    """Open a stage whose source has the events that are added to a list."""
+    runner, events = open_stage(sender.uri, player_settings=PlayerSettings(calibrate="at_once")), []
+
+    def receive():
+        taken = events[:]
+        events.clear()
+        return taken
+
+    runner.source.inner.receive = receive
+    return runner, events
 
 
 @pytest.fixture
@@ -56,7 +65,7 @@ def short(record_events, tmp_path, kung_fu):
 
 def test_the_clock_continues_after_the_end_of_a_recording(short, open_stage, kung_fu):
     runner = open_stage(short)
-    run(runner, lambda: is_silent(runner))
+    run_out(runner)
     assert runner.skeletons == 10
     frames = run(runner, seconds=1.0)
     assert frames[0].time >= kung_fu[9].time
@@ -64,35 +73,30 @@ def test_the_clock_continues_after_the_end_of_a_recording(short, open_stage, kun
     assert runner.source.name == short
 
 
-def test_a_take_has_every_frame_that_waited_and_only_the_newest_is_used_otherwise(
-    open_stage, tmp_path, sender, kung_fu, moved
-):
-    runner = open_stage(sender.uri, player_settings=AT_ONCE)
+def test_a_take_has_every_frame_that_waited_and_only_the_newest_is_used_otherwise(given, tmp_path, kung_fu, moved):
+    runner, events = given
     waiting = [moved(each, time=clock.now() + 0.01 * k) for k, each in enumerate(kung_fu[:12])]
-    given = [waiting[:6], waiting[6:]]
-    runner.source.inner.receive = lambda: given.pop(0)
+    events += waiting[:6]
     assert len(runner.take_in()) == runner.skeletons == 1
     assert runner.source.counts.dropped == 5
     runner.start_recording(tmp_path / "take.log")
+    events += waiting[6:]
     assert len(runner.take_in()) == 6
     runner.close()
     [clip] = read_log(tmp_path / "take.log")
     assert clip.times.tolist() == [each.time for each in waiting[6:]]
 
 
-def test_events_of_a_take_are_in_order_even_if_the_sources_are_not(open_stage, tmp_path, sender, kung_fu, moved):
-    runner = open_stage(sender.uri, player_settings=AT_ONCE)
+def test_events_of_a_take_are_in_order_even_if_the_sources_are_not(given, open_stage, tmp_path, kung_fu, moved):
+    (runner, events), start, live = given, clock.now(), []
     runner.start_recording(tmp_path / "take.log")
-    start, given, live = clock.now(), [], []
-    runner.source.inner.receive = lambda: [given.pop(0) for _ in range(len(given))]
     for k, frame in enumerate(kung_fu[:60]):
-        given += [moved(frame, time=start + k / 30), Tick(start + k / 30 - 0.01)]  # out of order
+        events += [moved(frame, time=start + k / 30), Tick(start + k / 30 - 0.01)]  # out of order
         live += runner.take_in()
         if k % 20 == 10:
             live += runner.cue("mirror", character="dog", on=k == 10)  # now, which is before the frames that follow
     runner.stop_recording().close()
-    again = open_stage("replay:take.log")
-    replayed = [frame for frame in run(again, lambda: is_silent(again)) if frame.time <= live[-1].time]
+    replayed = [frame for frame in run_out(open_stage("replay:take.log")) if frame.time <= live[-1].time]
     assert apart(live, replayed, "pose.controls").max() == 0
 
 
@@ -137,34 +141,27 @@ def test_a_take_with_a_damaged_beginning_plays_like_any_other_recording(open_sta
     assert frames[-1].state == "performing"
 
 
-def test_an_internal_error_loses_one_event(short, make_stage, open_stage):
-    stage = make_stage()
-    runner = open_stage(short, stage)
-    step, calls = stage.step, []
-
-    def stumbling(event, received):
-        calls.append(event)
-        if len(calls) == 3:
-            raise ZeroDivisionError
-        return step(event, received)
-
-    stage.step = stumbling
+def test_an_internal_error_loses_one_event(short, open_stage, monkeypatch):
+    runner = open_stage(short)
+    step = Mock(wraps=runner.stage.step, side_effect=[DEFAULT, DEFAULT, ZeroDivisionError, *[DEFAULT] * 100])
+    monkeypatch.setattr(runner.stage, "step", step)
     run_to(runner, 10)
-    assert (runner.faults, len(calls)) == (1, runner.events)
+    assert runner.faults == 1
+    assert step.call_count == runner.events
 
 
 def test_a_take_of_a_runner_is_a_skeleton_log_and_ends_if_the_disk_is_full(short, open_stage, tmp_path, kung_fu):
-    runner = open_stage(short)
-    runner.start_recording(tmp_path / "take.log")
+    runner, take = open_stage(short), tmp_path / "take.log"
+    runner.start_recording(take)
     run_to(runner, 10)
     refused(ServiceError, runner.cue, "calibrate", character="horse")
     runner.cue("mirror", character="dog", on=True)
     runner.stop_recording().close()
     assert runner.stop_recording() is None
-    [clip] = read_log(tmp_path / "take.log")
+    [clip] = read_log(take)
     assert clip.times.tolist() == [frame.time for frame in kung_fu[:10]]
-    assert b'"do": "mirror"' in (tmp_path / "take.log").read_bytes()
-    assert b"horse" not in (tmp_path / "take.log").read_bytes()
+    assert b'"do": "mirror"' in take.read_bytes()
+    assert b"horse" not in take.read_bytes()
     runner.start_recording(tmp_path / "full.log")
     runner._recorder._file.close()
     runner._recorder._file = Path("/dev/full").open("ab", buffering=0)  # noqa: SIM115 - the runner closes it
@@ -177,16 +174,14 @@ def test_a_take_of_a_runner_is_a_skeleton_log_and_ends_if_the_disk_is_full(short
     ("follow", "hanging", "told"), [("turn", False, True), ("turn", True, False), ("direction", False, False)]
 )
 def test_a_calibration_with_raised_arms_is_logged_if_limbs_turn(
-    open_stage, limbed_figure, tmp_path, record_events, standing, caplog, follow, hanging, told
+    open_stage, limbed_figure, tmp_path, record, standing, caplog, follow, hanging, told
 ):
     """The performer of the fixture stretches the arms out."""
-    pose, sure = upright(standing) if hanging else standing, np.ones(20, dtype=np.float32)
-    record_events(tmp_path / "still.log", [SkeletonFrame(number / 30, 1, pose, sure) for number in range(60)])
+    record(tmp_path / "still.log", np.tile(upright(standing) if hanging else standing, (60, 1, 1)))
     limbs = [limb.model_copy(update={"follow": follow}) for limb in limbed_figure.puppet.limb]
-    prepared = replace(limbed_figure, puppet=limbed_figure.puppet.model_copy(update={"limb": limbs}))
-    runner = open_stage("replay:still.log", prepared=prepared)
-    run_to(runner, 60)
-    assert runner.stage.players[0].state == "performing"
+    puppet = limbed_figure.puppet.model_copy(update={"limb": limbs})
+    runner = open_stage("replay:still.log", prepared=replace(limbed_figure, puppet=puppet))
+    assert run_to(runner, 60)[-1].state == "performing"
     warnings = [record.fields for record in caplog.records if "hanging arms" in record.message]
     assert [each["character"] for each in warnings] == ["dog"] * told
     assert all("elbow_left" in each["bent"] for each in warnings)

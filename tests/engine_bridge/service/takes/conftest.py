@@ -4,6 +4,8 @@ from functools import partial
 
 import pytest
 
+from engine_bridge.service.takes.take_track import TakeTrack
+
 
 @pytest.fixture
 def make_theatre(play_file, record_events, kung_fu, tmp_path):
@@ -19,6 +21,7 @@ def make_theatre(play_file, record_events, kung_fu, tmp_path):
         theatre.count = partial(theatre.count_in.start, theatre.runner)
         theatre.left = partial(theatre.count_in.left, theatre.runner)
         theatre.end_take = lambda: theatre.runner.stop_recording().close()
+        theatre.load = lambda name, path: TakeTrack(theatre.player(name), path)
         return theatre
 
     return make

@@ -3,7 +3,6 @@ import json
 import pytest
 
 from capture.events import TICK_SECONDS
-from engine_bridge.service.takes.take_track import TakeTrack
 from puppetline import clock
 from puppetline.errors import OutputError, ServiceError
 
@@ -14,13 +13,12 @@ from ...refusals import refused
 def overdub(make_theatre, record_take, tmp_path):
     """Play a take on the dog, and record the performer, who drives the cat, over it; return everything."""
     first, _ = record_take("take1", names=("dog",))
-    theatre = make_theatre()
-    dog = TakeTrack(theatre.player("dog"), first)
-    theatre.playback.add(dog)
-    theatre.run(1.0)
-    second = tmp_path / "take2.log"
 
     def record(count_in, seconds=2.0):
+        theatre, second = make_theatre(), tmp_path / "take2.log"
+        dog = theatre.load("dog", first)
+        theatre.playback.add(dog)
+        theatre.run(1.0)
         theatre.count(second, count_in)
         theatre.run(count_in + seconds)
         theatre.end_take()
@@ -36,13 +34,12 @@ def opening(path):
 
 def test_the_service_counts_down_and_takes_begin_at_zero(overdub):
     theatre, _, path = overdub(count_in=0, seconds=0.1)
-    zero = clock.now() + 3
+    playback, zero, counts = theatre.playback, clock.now() + 3, []
     theatre.count(path.with_name("take3.log"), 3)
-    counts = []
-    assert theatre.playback.status().moment == pytest.approx(zero, abs=1e-4)
+    assert playback.status().moment == pytest.approx(zero, abs=1e-4)
     for _ in range(7):
         counts.append(theatre.left())
-        position = theatre.playback.timeline.position(clock.now())
+        position = playback.timeline.position(clock.now())
         theatre.run(0.41)
     assert counts == [3, 3, 3, 2, 2, 1, 1]
     assert position == 0.0
@@ -51,8 +48,8 @@ def test_the_service_counts_down_and_takes_begin_at_zero(overdub):
     theatre.run(0.23)
     assert theatre.runner.recording == "take3"
     assert theatre.left() == 0
-    assert theatre.playback.timeline.position(clock.now()) == pytest.approx(0.1, abs=1e-4)
-    assert theatre.playback.status().moment == pytest.approx(clock.now(), abs=1e-4)
+    assert playback.timeline.position(clock.now()) == pytest.approx(0.1, abs=1e-4)
+    assert playback.status().moment == pytest.approx(clock.now(), abs=1e-4)
 
 
 def test_both_takes_line_up_as_they_were_seen_when_the_second_was_recorded(overdub, make_theatre):
@@ -66,17 +63,16 @@ def test_both_takes_line_up_as_they_were_seen_when_the_second_was_recorded(overd
     def apart(theatre):
         """The time from the dog's frame nearest to its first second to the cat's next 20 frames."""
         zero = theatre.playback.timeline.moment(0.0)
-        first = min(theatre.of("dog"), key=lambda frame: abs(frame.received / 1e9 - zero - 1.0)).received
+        first = min((frame.received for frame in theatre.of("dog")), key=lambda at: abs(at / 1e9 - zero - 1.0))
         return [(frame.received - first) / 1e9 for frame in theatre.of("cat") if frame.received > first][:20]
 
-    seen = apart(theatre)
     other = make_theatre(source="osc:0")
-    cat = TakeTrack(other.player("cat"), path)
-    other.playback.add(TakeTrack(other.player("dog"), dog.path))
-    other.playback.add(cat)
+    cat = other.load("cat", path)
+    for track in (other.load("dog", dog.path), cat):
+        other.playback.add(track)
     other.run(2.0)
     assert cat.offset == said["timeline"]["at"]
-    assert apart(other) == pytest.approx(seen, abs=1e-5)
+    assert apart(other) == pytest.approx(apart(theatre), abs=1e-5)
 
 
 def test_a_take_from_the_middle_stores_that_second_and_replays_without_the_other_take(overdub, make_theatre):

@@ -10,9 +10,10 @@ def test_a_take_lies_in_the_folder_under_its_name_or_one_of_stage_and_time(tmp_p
     assert takes.all() == []
     assert not takes.folder.exists()
     path = takes.new("a-1_B", "stage")
-    assert path == tmp_path / "takes" / "a-1_B.log"
+    assert path == takes.folder / "a-1_B.log"
     path.write_bytes(b"123")
-    assert [(take["name"], take["bytes"]) for take in takes.all()] == [("a-1_B", 3)]
+    [take] = takes.all()
+    assert take == take | {"name": "a-1_B", "bytes": 3}
     refused(ServiceError, takes.new, "a-1_B", "stage")
     assert takes.new(None, "left").name.startswith("left-20")
     refused(OutputError, Takes(path / "deeper").new, "a", "stage")

@@ -1,31 +1,28 @@
-import itertools
-
 import numpy as np
 import pytest
 
 from capture.events import TICK_SECONDS
-from engine_bridge.service.takes.take_track import TakeTrack
 from puppetline import clock
 from puppetline.errors import ServiceError
 
 from ...refusals import refused
+from ..stage_steps import states
 
 EASE = 0.2
+TAKES = {"dog": 3.0, "cat": 1.5}
 
 
 @pytest.fixture
-def paths(record_take):
-    """Takes of the characters dog and cat, whose performer is calibrated after a moment and then walks."""
-    return record_take("take1", names=("dog",))[0], record_take("take2", names=("cat",), seconds=1.5)[0]
+def begin(make_theatre, record_take):
+    """Play a take on the character dog; return the service, the track, and a shorter one for the cat.
 
-
-@pytest.fixture
-def begin(make_theatre, paths):
-    """Play the take on the character dog; return the service, the track, and the cat's track."""
+    Their performer is calibrated after a moment and then walks.
+    """
+    first, second = (record_take(f"{name}'s", names=(name,), seconds=long)[0] for name, long in TAKES.items())
 
     def start(source="osc:0", **more):
         theatre = make_theatre(source=source, **more)
-        dog, cat = (TakeTrack(theatre.player(name), path) for name, path in zip(("dog", "cat"), paths, strict=True))
+        dog, cat = theatre.load("dog", first), theatre.load("cat", second)
         theatre.playback.add(dog)
         return theatre, dog, cat
 
@@ -38,12 +35,15 @@ def with_performer(begin):
     return begin("replay:performer.log?loop")
 
 
+def controls(track, number):
+    return track.frame(number)[1][1].R
+
+
 def follows(track, frames, zero, speed=1.0):
     """Whether each frame has the controls of the track's frame that is due then; `zero` is the moment of its start."""
     numbers = [track.index(speed * (frame.received / 1e9 - zero) + 1e-6) for frame in frames]
-    return [
-        np.array_equal(track.frame(k)[1][1].R, frame.pose.R) for k, frame in zip(numbers, frames, strict=True)
-    ], numbers
+    shown = zip(numbers, frames, strict=True)
+    return [np.array_equal(controls(track, number), frame.pose.R) for number, frame in shown], numbers
 
 
 def assert_eases_in(equal, frames, zero, seconds=EASE):
@@ -58,9 +58,9 @@ def assert_eases_in(equal, frames, zero, seconds=EASE):
 def test_from_any_moment_a_take_moves_its_character_as_it_was_recorded(begin, speed, second):
     theatre, track, _ = begin()
     theatre.run(0.5)
-    theatre.playback.timeline.set_speed(speed, clock.now())
-    theatre.playback.seek(second)
     now, zero = clock.now(), clock.now() - second / speed
+    theatre.playback.timeline.set_speed(speed, now)
+    theatre.playback.seek(second)
     theatre.run((track.seconds - second) / speed - 0.01)
     frames = theatre.of("dog")
     equal, numbers = follows(track, frames, zero, speed)
@@ -71,36 +71,35 @@ def test_from_any_moment_a_take_moves_its_character_as_it_was_recorded(begin, sp
 
 
 def test_a_pause_holds_the_pose_goes_on_with_the_next_frame_and_can_jump(begin):
-    theatre, track, _ = begin()
-    zero = clock.now()
+    (theatre, track, _), zero = begin(), clock.now()
+    timeline = theatre.playback.timeline
     theatre.run(1.0)
     before = theatre.of("dog")[-1]
-    theatre.playback.timeline.pause(True, clock.now())
+    timeline.pause(True, clock.now())
     theatre.run(1.0)
-    assert len(theatre.of("dog")) >= 25
-    assert all(np.array_equal(frame.pose.R, before.pose.R) for frame in theatre.of("dog"))
-    theatre.playback.timeline.pause(False, clock.now())
+    held = theatre.of("dog")
+    assert len(held) >= 25
+    assert all(np.array_equal(frame.pose.R, before.pose.R) for frame in held)
+    timeline.pause(False, clock.now())
     theatre.run(0.2)
     equal, numbers = follows(track, theatre.of("dog"), zero + 1.0)
     assert all(equal)
     assert numbers[0] == track.index(before.received / 1e9 - zero + 1e-6) + 1
-    theatre.playback.timeline.pause(True, clock.now())
+    timeline.pause(True, clock.now())
     theatre.playback.seek(2.5)
     theatre.run(1.0)
-    frames = theatre.of("dog")
-    assert np.array_equal(frames[-1].pose.R, track.frame(track.index(2.5))[1][1].R)
-    assert not np.array_equal(frames[0].pose.R, frames[-1].pose.R)
+    first, *_, last = (frame.pose.R for frame in theatre.of("dog"))
+    assert np.array_equal(last, controls(track, track.index(2.5)))
+    assert not np.array_equal(first, last)
 
 
 def test_a_loop_begins_again_and_a_take_ends_at_its_end(begin):
-    theatre, track, _ = begin()
-    zero = clock.now()
+    (theatre, track, _), zero = begin(), clock.now()
     theatre.playback.timeline.loop = True
     theatre.run(2.5 * track.seconds)
-    frames = theatre.of("dog")
-    assert {frame.state for frame in frames} == {"performing"}
-    third = [frame for frame in frames if frame.received / 1e9 > zero + 2 * track.seconds + 2 * EASE]
-    assert all(follows(track, third, zero + 2 * track.seconds)[0])
+    frames, third = theatre.of("dog"), zero + 2 * track.seconds
+    assert states(frames) == {"performing"}
+    assert all(follows(track, [frame for frame in frames if frame.received / 1e9 > third + 2 * EASE], third)[0])
     theatre.playback.timeline.loop = False
     theatre.run(track.seconds)
     assert not theatre.playback.takes
@@ -109,42 +108,46 @@ def test_a_loop_begins_again_and_a_take_ends_at_its_end(begin):
 
 def test_nothing_jumps_when_a_take_begins_jumps_loops_and_stops(begin):
     theatre, track, _ = begin("replay:performer.log?loop", ease=0.8)
-    shown = [*theatre.run(2.0)]
-    theatre.playback.seek(0.3)
-    shown += theatre.run(1.0)
-    theatre.playback.seek(2.7)
-    theatre.playback.timeline.loop = True
-    shown += theatre.run(1.0)
-    theatre.playback.add(track, 0.5)
-    shown += theatre.run(1.0)
-    theatre.playback.stop("dog")
-    shown += theatre.run(2.0)
-    frames = [frame for frame in shown if frame.character.name == "dog"]
+    playback = theatre.playback
+
+    def loop():
+        playback.seek(2.7)
+        playback.timeline.loop = True
+
+    theatre.run(2.0)
+    for change in (lambda: playback.seek(0.3), loop, lambda: playback.add(track, 0.5), lambda: playback.stop("dog")):
+        change()
+        theatre.run(1.0)
+    theatre.run(1.0)
+    frames = [frame for frame in theatre.frames if frame.character.name == "dog"]
     vertices = np.array([frame.vertices_and_normals[0] for frame in frames])
     diagonal = theatre.player("dog").character.prepared.mesh.diagonal
     assert np.linalg.norm(np.diff(vertices, axis=0), axis=-1).max() / diagonal < 0.04
-    assert all(a.time <= b.time for a, b in itertools.pairwise(frames))
-    assert [b.sequence - a.sequence for a, b in itertools.pairwise(frames)] == [1] * (len(frames) - 1)
+    assert (np.diff([frame.time for frame in frames]) >= 0).all()
+    assert set(np.diff([frame.sequence for frame in frames])) == {1}
+
+
+def users(theatre):
+    return [theatre.player(name).user for name in ("dog", "cat")]
 
 
 def test_a_performer_gets_another_character_and_the_first_one_back(with_performer):
     theatre, _, _ = with_performer
     theatre.run(1.0)
-    assert (theatre.player("dog").user, theatre.player("cat").user) == (None, 1)
-    assert "performing" in {frame.state for frame in theatre.of("cat")}
+    assert users(theatre) == [None, 1]
+    assert "performing" in states(theatre.of("cat"))
     refused(ServiceError, theatre.runner.cue, "choose_user", character="dog", user=1)
     theatre.playback.stop()
     theatre.runner.cue("choose_user", character="dog", user=1)
     theatre.run(1.0)
-    assert (theatre.player("dog").user, theatre.player("cat").user) == (1, None)
+    assert users(theatre) == [1, None]
 
 
 def test_two_takes_have_one_clock_and_their_characters_idle_before_and_after(begin):
-    theatre, dog, cat = begin()
-    zero = clock.now()
+    (theatre, dog, cat), zero = begin(), clock.now()
     theatre.playback.add(cat, 1.0)
     theatre.run(0.9)
-    assert {frame.state for frame in theatre.of("cat")} == {"waiting"}
+    assert states(theatre.of("cat")) == {"waiting"}
     theatre.run(0.9)
     assert all(follows(dog, theatre.of("dog"), zero)[0])
     shown = [frame for frame in theatre.of("cat") if frame.state == "performing"]
@@ -156,20 +159,21 @@ def test_two_takes_have_one_clock_and_their_characters_idle_before_and_after(beg
 
 
 def test_a_changed_mapping_moves_the_take_too(begin):
-    theatre, track, _ = begin()
-    zero = clock.now()
+    (theatre, track, _), zero = begin(), clock.now()
     theatre.run(0.5)
     player = theatre.player("dog")
-    retarget = player.character.prepared.puppet.retarget.model_copy(update={"scale": 0.4})
-    theatre.runner.remap(player, player.character.prepared.puppet.model_copy(update={"retarget": retarget}))
+    puppet = player.character.prepared.puppet
+    scaled = puppet.retarget.model_copy(update={"scale": 0.4})
+    theatre.runner.remap(player, puppet.model_copy(update={"retarget": scaled}))
     assert theatre.playback.stale() == [(player, track)]
     theatre.run(0.2)
-    changed = TakeTrack(player, track.path)
+    changed = theatre.load("dog", track.path)
     theatre.playback.replace(changed)
     assert not theatre.playback.stale()
     theatre.run(1.0)
-    assert follows(changed, theatre.of("dog")[-5:], zero)[0] == [True] * 5
-    assert follows(track, theatre.of("dog")[-5:], zero)[0] == [False] * 5
+    last = theatre.of("dog")[-5:]
+    assert follows(changed, last, zero)[0] == [True] * 5
+    assert follows(track, last, zero)[0] == [False] * 5
 
 
 def test_characters_that_are_loaded_again_stay_with_their_takes(with_performer):
@@ -180,7 +184,7 @@ def test_characters_that_are_loaded_again_stay_with_their_takes(with_performer):
     assert theatre.of("dog")[-1].state == "performing"
     numbers = [frame.sequence for frame in theatre.frames if frame.character.name == "dog"]
     assert numbers == list(range(1, len(numbers) + 1))
-    assert (theatre.player("dog").user, theatre.player("cat").user) == (None, 1)
+    assert users(theatre) == [None, 1]
     theatre.runner.replace_players([theatre.player("cat")])
     theatre.run(0.2)
     assert not theatre.playback.takes
@@ -198,28 +202,30 @@ def test_a_take_that_fails_ends_and_the_others_go_on(begin, monkeypatch):
 
 def test_the_first_take_may_wait_for_the_others_at_its_beginning(begin):
     theatre, dog, cat = begin()
-    theatre.playback.stop()
-    theatre.playback.add(dog, 1.0, 0.5, 0.7, pause=True)
+    playback = theatre.playback
+    playback.stop()
+    playback.add(dog, 1.0, 0.5, 0.7, pause=True)
     theatre.run(5.0)
-    theatre.playback.add(cat, 1.0, 0.5, 1.5)
-    assert theatre.playback.timeline.paused
-    assert theatre.playback.timeline.position(clock.now()) == 1.0
-    assert [each["character"] for each in theatre.playback.takes] == ["dog", "cat"]
-    theatre.playback.timeline.pause(False, clock.now())
+    playback.add(cat, 1.0, 0.5, 1.5)
+    assert playback.timeline.paused
+    assert playback.timeline.position(clock.now()) == 1.0
+    assert [each["character"] for each in playback.takes] == ["dog", "cat"]
+    playback.timeline.pause(False, clock.now())
     theatre.run(0.5)
-    assert theatre.playback.timeline.position(clock.now()) == pytest.approx(1.5)
+    assert playback.timeline.position(clock.now()) == pytest.approx(1.5)
 
 
-def test_parts_of_takes_follow_one_another_on_one_character(begin, paths):
+def test_parts_of_takes_follow_one_another_on_one_character(begin):
     theatre, track, _ = begin()
-    again = TakeTrack(theatre.player("dog"), paths[0])
-    theatre.playback.stop()
-    theatre.playback.add(track, 0.0, 0.5, 1.0)
-    added = theatre.playback.add(again, 2.0, 0.2, 0.6, beside=True)
-    assert added == pytest.approx({"character": "dog", "take": "take1", "at": 2.0, "seconds": 0.4, "sound": None})
-    assert (theatre.playback.timeline.start, theatre.playback.timeline.end) == pytest.approx((0.0, 2.4), abs=1 / 30)
+    playback, again = theatre.playback, theatre.load("dog", track.path)
+    playback.stop()
+    playback.add(track, 0.0, 0.5, 1.0)
+    added = playback.add(again, 2.0, 0.2, 0.6, beside=True)
+    entry = {"character": "dog", "take": track.take, "at": 2.0, "seconds": 0.4, "sound": None}
+    assert added == pytest.approx(entry)
+    assert (playback.timeline.start, playback.timeline.end) == pytest.approx((0.0, 2.4), abs=1 / 30)
     for at, seconds, part, shown in ((0.0, 0.48, track, 0.98), (2.0, 0.38, again, 0.58)):
-        theatre.playback.seek(at)
+        playback.seek(at)
         theatre.run(seconds)
-        assert np.array_equal(theatre.of("dog")[-1].pose.R, part.frame(part.index(shown))[1][1].R)
-    assert refused(ServiceError, theatre.playback.add, track, 0.0, 90.0).where == "take 'take1'"
+        assert np.array_equal(theatre.of("dog")[-1].pose.R, controls(part, part.index(shown)))
+    assert refused(ServiceError, playback.add, track, 0.0, 90.0).where == f"take {track.take!r}"

@@ -16,5 +16,6 @@ def test_a_track_has_the_frames_that_the_take_was_recorded_with_in_any_order(rec
         (shown, (_, pose)), frame = track.frame(number), frames[number]
         assert np.array_equal(pose.R, frame.pose.R)
         assert np.array_equal(shown.target.root, frame.pose.root)
-        assert (shown.state, shown.user) == ("performing", frame.user)  # nobody is calibrated now
+        assert shown.state == "performing"  # nobody is calibrated now
+        assert shown.user == frame.user
     assert frames[0].state == "calibrating"

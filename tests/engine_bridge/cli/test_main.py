@@ -1,6 +1,7 @@
 """The command as a user runs it: exit codes, what is on which stream, and what is left in the folder."""
 
 import json
+import re
 import shutil
 import sys
 import tomllib
@@ -228,3 +229,10 @@ def test_new_takes_axes_scale_and_the_pictures_name(invoke, stage, tmp_path):
     assert names(tmp_path) == before | {"made.toml", "look.png"}
     table = tomllib.loads((tmp_path / "made.toml").read_text())["character"]
     assert table == {"mesh": "blob.glb", "up": "z", "front": "-y", "scale": 0.01}
+
+
+def test_convert_prints_what_a_rig_and_a_vertex_cache_consist_of(invoke, stage):
+    prepared = invoke("convert", "take.log", "--puppet", stage.name, "-o", "rig.glb", "--as", "rig")
+    assert re.search(r"joints         \d+ animated, \d+ follow, of a new skeleton; largest error 0\.0", prepared.stdout)
+    frames = invoke("convert", "take.log", "--puppet", stage.name, "-o", "frames.glb", "--as", "frames")
+    assert "morph targets  58, one for each keyframe, exactly as solved" in frames.stdout

@@ -13,7 +13,7 @@ from engine_bridge.service.security import endpoints as endpoints_module
 from engine_bridge.service.security import guard as guard_module
 from engine_bridge.service.security.credentials import make_curve_keys
 from engine_bridge.service.security.endpoints import Endpoint
-from engine_bridge.service.security.guard import ZAP_ADDRESS, Guard
+from engine_bridge.service.security.guard import SETTLED_SECONDS, ZAP_ADDRESS, Guard, _Connections
 from puppetline.errors import ServiceError
 
 from ...refusals import refused
@@ -246,3 +246,15 @@ def test_a_question_that_is_not_libzmqs_is_not_answered_or_refused(context):
             assert asking.recv_multipart() == [b"", b"1.0", b"7", status, b"", b"", b""]
     assert not asking.poll(0)
     guard.close()
+
+
+def test_a_crowd_counts_those_let_in_who_are_still_there():
+    connections = _Connections()
+    connections.opened = {("monitor", fd): 100.0 for fd in range(5)}
+    connections.admitted.extend([100.2, 100.2])
+    assert connections.count(100.3) == 2, "and three shake hands yet"
+    connections.opened = {("monitor", 0): 100.0}
+    assert connections.count(100.4) == 1, "one that was let in has gone"
+    assert connections.count(100.4, undecided=1) == 0, "both have, and another one is at the door"
+    assert connections.count(100.0 + 2 * SETTLED_SECONDS) == 1, "who stays is one that was let in"
+    assert not connections.admitted

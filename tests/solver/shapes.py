@@ -15,6 +15,16 @@ def distance_to_capsule(points, start, end, radius):
     return np.sqrt(x * x + y * y + z * z) - radius
 
 
+def capsules(table):
+    """From, to and radius of each line of a table; a line with * is on the left side, and mirrored on the right one."""
+    found = []
+    for line in table.strip().splitlines():
+        *ends, radius = map(float, line.strip(" *").split())
+        sides = ([1, 1, 1], [-1, 1, 1]) if "*" in line else ([1, 1, 1],)
+        found += [(*(np.array(ends).reshape(2, 3) * side), radius) for side in sides]
+    return found
+
+
 def march(capsules, low, high, step):
     """The union of capsules (from, to, radius)."""
     low = np.array(low)

@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from solver.model.bones import Bones, bone_regions
 from solver.surface.mesh import SolverMesh, weld
 
-from ..shapes import chains, joined, march, sphere, tube
+from ..shapes import capsules, chains, joined, march, sphere, tube
 
 ARM = (np.array([0.0, 1.1, 0.0]), np.array([1.4, 1.3, 0.0]))
 """The axis of the figure's left arm."""
@@ -80,13 +80,13 @@ def test_without_a_trunk_nobody_owns_it(figure, skeleton):
 @pytest.fixture(scope="module")
 def skirted():
     """A trunk with a skirt, and an arm whose hand hangs beside the hem."""
-    capsules = [
-        ((0.0, 0.0, 0.0), (0.0, 2.0, 0.0), 0.25),
-        ((0.0, 0.5, 0.0), (0.45, 0.3, 0.0), 0.13),
-        ((0.0, 2.0, 0.0), (0.8, 2.0, 0.0), 0.12),
-        ((0.8, 2.0, 0.0), (0.8, 0.2, 0.0), 0.12),
-    ]
-    return weld(*march(capsules, (-0.4, -0.4, -0.4), (1.1, 2.4, 0.4), 0.04))
+    limbs = capsules("""
+    0   0   0   0    2   0   0.25
+    0   0.5 0   0.45 0.3 0   0.13
+    0   2   0   0.8  2   0   0.12
+    0.8 2   0   0.8  0.2 0   0.12
+    """)
+    return weld(*march(limbs, (-0.4, -0.4, -0.4), (1.1, 2.4, 0.4), 0.04))
 
 
 def test_a_hem_beside_a_hand_is_not_the_hands(skirted):

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from solver.model import reduced_model
 from solver.surface.mesh import SolverMesh, weld
 
-from .shapes import box, capsules, joined, march
+from .shapes import box, capsules, joined, march, points
 
 
 @pytest.fixture(scope="session")
@@ -58,7 +58,7 @@ def creature_model(creature):
 @pytest.fixture(scope="session")
 def creature_handles():
     """Near the two ends of the tube, the horn's tip, the foot and the belly."""
-    return np.array([[-1.5, 0.0, 0.0], [1.05, 1.05, 0.25], [-1.0, 1.05, -0.45], [0.2, -1.28, 0.33], [0.0, 0.0, 0.3]])
+    return points("-1.5 0 0, 1.05 1.05 0.25, -1 1.05 -0.45, 0.2 -1.28 0.33, 0 0 0.3")
 
 
 @pytest.fixture(scope="session")
@@ -81,7 +81,7 @@ def turn():
 @pytest.fixture(scope="session")
 def two_parts(figure):
     """The figure and, a little beside its right hand, a small cube of its own."""
-    cube = box([1.7, 1.2, -0.1], [2.0, 1.5, 0.2])
+    cube = box("1.7 1.2 -0.1, 2 1.5 0.2")
     vertices, faces = joined((figure.vertices, figure.faces), cube)
     return SolverMesh(vertices, faces, np.arange(len(vertices)))
 

@@ -9,6 +9,11 @@ from solver.model.bones import Bones
 from solver.surface.mesh import weld
 
 
+def points(text):
+    """The points (n, 3) of a text, as "0 1 0, 0 1.2 0"; an array of points stays as it is."""
+    return np.array([point.split() for point in text.split(",")], float) if isinstance(text, str) else np.array(text)
+
+
 def distance_to_capsule(points, start, end, radius):
     way, along = points.T - np.array(start)[:, None], np.array(end) - np.array(start)
     x, y, z = way - np.clip(along @ way / (along @ along), 0, 1) * along[:, None]
@@ -49,9 +54,9 @@ def body_of(limbs, step=0.035):
     return weld(*march(limbs, ends.min(axis=0) - reach, ends.max(axis=0) + reach, step))
 
 
-def box(low, high, step=np.inf):
-    """A closed box whose sides are split into squares of about `step`."""
-    low, high = np.array(low, dtype=float), np.array(high, dtype=float)
+def box(corners, step=np.inf):
+    """A closed box between two corners, whose sides are split into squares of about `step`."""
+    low, high = points(corners)
     counts = np.maximum(np.ceil((high - low) / step), 1).astype(int) + 1
     grid = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1)
     shell = ((grid == 0) | (grid == counts - 1)).any(axis=-1)
@@ -107,8 +112,8 @@ def needles(vertices, faces, some, height):
 def chains(*limbs):
     """Bones of limbs (parent, points), with the number of the parent bone; the first limb is the trunk."""
     rows = []
-    for number, (parent, points) in enumerate(limbs, -1):
-        for k, (head, tail) in enumerate(pairwise(points)):
+    for number, (parent, places) in enumerate(limbs, -1):
+        for k, (head, tail) in enumerate(pairwise(points(places))):
             rows.append((head, tail, len(rows) - 1 if k else parent, number))
     heads, tails, parents, numbers = (np.array(column) for column in zip(*rows, strict=True))
     return Bones(heads.astype(float), tails.astype(float), parents, numbers)

@@ -5,7 +5,7 @@ from numpy.testing import assert_array_equal
 from solver.anatomy.bodies import STILL, find_bodies
 from solver.surface.mesh import weld
 
-from ..shapes import box, sphere
+from ..shapes import box, points, sphere
 
 PLATE_FACES = np.array([[0, 2, 1], [0, 3, 2]])
 
@@ -35,11 +35,11 @@ class Person:
     def box(self, low, high):
         """A box at heights above the ground."""
         up = np.array([0, self.ground, 0])
-        return box(low + up, high + up)
+        return box([low + up, high + up])
 
     def shoe(self, side):
         foot, room = self.feet[side * self.feet[:, 0] > 0], np.array([0.01, 0.0, 0.02])
-        return box(foot.min(axis=0) - room, foot.max(axis=0) + room)
+        return box([foot.min(axis=0) - room, foot.max(axis=0) + room])
 
     def floating(self, radius, place, steps=0):
         """A ball at a place in units of the outermost corner of the figure."""
@@ -60,7 +60,7 @@ SCENES = {
     "a stone beside": lambda p: [(STILL, p.stone), (1, p.shape)],
     "two figures in the order of the mesh": lambda p: [(1, p.beside(1)), (2, p.shape)],
     "a hall": Person.hall,
-    "a thing in a hand": lambda p: [(1, p.shape), (1, box(p.hand - 0.03, p.hand + np.array([0.03, 0.5, 0.03])))],
+    "a thing in a hand": lambda p: [(1, p.shape), (1, box(p.hand + points("-0.03 -0.03 -0.03, 0.03 0.5 0.03")))],
     "what floats above": lambda p: [(1, p.shape), (1, sphere(1, 0.1, [0, p.high[1] + 0.3, 0]))],
     "two figures, and what floats beside each": lambda p: [
         (1, p.shape),

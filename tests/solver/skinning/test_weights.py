@@ -103,7 +103,7 @@ def test_weights_of_other_rest_positions_move_these(bar, blended):
 
 
 def test_a_part_that_one_bone_holds_moves_with_it_alone():
-    mesh = weld(*joined(box([-0.5, 0, -0.5], [0.5, 2, 0.5]), box([-0.5, 2.05, -0.5], [0.5, 4.05, 0.5])))
+    mesh = weld(*joined(box("-0.5 0 -0.5, 0.5 2 0.5"), box("-0.5 2.05 -0.5, 0.5 4.05 0.5")))
     heads, tails = np.array([[0, 0.1, 0], [0, 2.1, 0.0]]), np.array([[0, 2.0, 0], [0, 3.9, 0.0]])
     model = build(
         mesh, ModelParameters(fields=3, isolines=4), Bones(heads, tails, np.array([-1, 0]), np.array([-1, 0]))

@@ -32,18 +32,10 @@ def capsules(table):
 
 def march(capsules, low, high, step):
     """The union of capsules (from, to, radius)."""
-    low = np.array(low)
-    counts = np.ceil((np.array(high) - low) / step).astype(int) + 1
+    counts = np.ceil(np.subtract(high, low) / step).astype(int) + 1
     grid = igl.grid(counts) * ((counts - 1) * step) + low
-    distance = np.full(counts[::-1], np.inf)
-    for start, end, radius in capsules:  # marching needs distances within a cell of the surface
-        ends, reach = np.array([start, end]), radius + 2 * step
-        first = np.maximum(np.floor((ends.min(axis=0) - reach - low) / step), 0).astype(int)
-        last = np.ceil((ends.max(axis=0) + reach - low) / step).astype(int) + 1
-        near = tuple(map(slice, first[::-1], last[::-1]))
-        own = distance_to_capsule(grid.reshape(*counts[::-1], 3)[near].reshape(-1, 3), start, end, radius)
-        distance[near] = np.minimum(distance[near], own.reshape(distance[near].shape))
-    v, f, _ = igl.marching_cubes(distance.ravel(), grid, *map(int, counts), 0.0)
+    distance = np.min([distance_to_capsule(grid, *each) for each in capsules], axis=0)
+    v, f, _ = igl.marching_cubes(distance, grid, *map(int, counts), 0.0)
     return v, f
 
 
@@ -58,18 +50,16 @@ def box(corners, step=np.inf):
     """A closed box between two corners, whose sides are split into squares of about `step`."""
     low, high = points(corners)
     counts = np.maximum(np.ceil((high - low) / step), 1).astype(int) + 1
-    grid = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1)
-    shell = ((grid == 0) | (grid == counts - 1)).any(axis=-1)
-    number = np.full(counts, -1)
-    number[shell] = np.arange(shell.sum())
-    faces = []
+    sides = []
     for axis in range(3):
-        for end in (0, -1):
-            plane = np.take(number, end, axis=axis)
-            a, b, c, d = plane[:-1, :-1], plane[1:, :-1], plane[1:, 1:], plane[:-1, 1:]
-            quads = np.stack([a, b, c, d], axis=-1).reshape(-1, 4)[:, :: 1 if (end == 0) == (axis == 1) else -1]
-            faces += [quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]
-    return low + grid[shell] / (counts - 1) * (high - low), np.concatenate(faces)
+        others = [(axis + 1) % 3, (axis + 2) % 3]
+        flat, faces = igl.triangulated_grid(*map(int, counts[others]))
+        for end in (0, 1):
+            side = np.full((len(flat), 3), end, dtype=float)
+            side[:, others] = flat
+            sides.append((low + side * (high - low), faces[:, :: 1 if end else -1]))
+    vertices, _, _, faces = igl.remove_duplicate_vertices(*joined(*sides), 0.0)
+    return vertices, faces
 
 
 def sphere(rounds=2, radius=1.0, center=(0, 0, 0)):

@@ -9,18 +9,6 @@ UP, FRONT = np.eye(3)[1:]
 SIDES = (("left", 1), ("right", -1))
 NO_VERTICES = np.zeros((0, 3))
 
-PERSON = """
-hips         -            0    1    0
-chest        hips         0    1.4  0
-head         chest        0    1.6  0    0 1.9 0
-arm_{s}      chest        0.2  1.4  0
-forearm_{s}  arm_{s}      0.5  1.4  0
-hand_{s}     forearm_{s}  0.75 1.4  0    0.9 1.4 0
-thigh_{s}    hips         0.1  0.95 0
-shin_{s}     thigh_{s}    0.1  0.5  0
-foot_{s}     shin_{s}     0.1  0.1  0    0.1 0 0.2
-"""
-
 
 def joints_at(table):
     """Make joints from lines of name, parent, place and, if they are elsewhere, places of its vertices; parents first.

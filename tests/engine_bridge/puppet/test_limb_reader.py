@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from engine_bridge.puppet.rig_limbs import limbs_of_joints
 
-from .skeletons import FRONT, PERSON, UP, assert_stands, joints_at
+from .skeletons import FRONT, UP, assert_stands, joints_at
 
 
 def points_of(table):
@@ -125,6 +125,19 @@ def test_joints_at_one_place_are_no_trunk():
     wing2.{S} wing1.{S} 1 0  0      2 0 0
     """)).limbs  # fmt: skip
     assert (limbs.chains, len(limbs.notes)) == ((), 1)
+
+
+PERSON = """
+hips         -            0    1    0
+chest        hips         0    1.4  0
+head         chest        0    1.6  0    0 1.9 0
+arm_{s}      chest        0.2  1.4  0
+forearm_{s}  arm_{s}      0.5  1.4  0
+hand_{s}     forearm_{s}  0.75 1.4  0    0.9 1.4 0
+thigh_{s}    hips         0.1  0.95 0
+shin_{s}     thigh_{s}    0.1  0.5  0
+foot_{s}     shin_{s}     0.1  0.1  0    0.1 0 0.2
+"""
 
 
 def test_hair_and_skirts_are_no_limbs():

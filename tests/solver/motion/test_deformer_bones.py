@@ -68,7 +68,7 @@ NO_HANDLES = np.zeros((0, 3))
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize(("seed", "degrees"), [(2, 120), (3, 179)])
 def test_rigid_motion_of_all_bones_is_rigid_motion_of_the_character_at_once(
-    bound, creature, model, creature_bones, creature_handles, surface, turn, mode, seed, degrees
+    bound, creature, model, creature_handles, surface, turn, mode, seed, degrees
 ):
     rotation, offset = turn(seed, degrees), np.random.default_rng(seed).normal(size=3)
     motions = np.tile(np.vstack([rotation, offset]), (6, 1, 1))

@@ -1,6 +1,6 @@
 """Surfaces of simple shapes, vertices (n, 3) and triangles (t, 3), and bones."""
 
-from itertools import pairwise
+from itertools import pairwise, permutations, product
 
 import igl
 import numpy as np
@@ -107,3 +107,24 @@ def chains(*limbs):
             rows.append((head, tail, len(rows) - 1 if k else parent, number))
     heads, tails, parents, numbers = (np.array(column) for column in zip(*rows, strict=True))
     return Bones(heads.astype(float), tails.astype(float), parents, numbers)
+
+
+def moved(points, motions):
+    """Points (b, 3), each by the motion (4, 3) of its bone."""
+    return np.einsum("bi,bij->bj", np.column_stack([points, np.ones(len(points))]), motions)
+
+
+def assert_joined(bones, motions, tolerance=1e-12):
+    """Assert that each bone begins where the motion of the bone that it hangs on takes its head."""
+    child = np.flatnonzero(bones.parents >= 0)
+    heads, above = bones.heads[child], motions[bones.parents[child]]
+    np.testing.assert_allclose(moved(heads, motions[child]), moved(heads, above), rtol=0, atol=tolerance)
+
+
+TURNS = [
+    turned
+    for order in permutations(range(3))
+    for signs in product((1, -1), repeat=3)
+    if np.linalg.det(turned := np.eye(3)[list(order)] * np.array(signs)) > 0
+]
+"""The 24 rotations by right angles."""

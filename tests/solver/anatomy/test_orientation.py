@@ -1,5 +1,4 @@
 from functools import cache
-from itertools import permutations, product
 
 import numpy as np
 import pytest
@@ -7,15 +6,7 @@ import pytest
 from solver.anatomy import orientation
 from solver.surface.mesh import SolverMesh
 
-from ..shapes import body_of, capsules, tube
-
-TURNS = [
-    turned
-    for order in permutations(range(3))
-    for signs in product((1, -1), repeat=3)
-    if np.linalg.det(turned := np.eye(3)[list(order)] * np.array(signs)) > 0
-]
-"""The 24 rotations by right angles, for row vectors."""
+from ..shapes import TURNS, body_of, capsules, tube
 
 STANDS = {
     "armadillo.obj": ("y", "z"),

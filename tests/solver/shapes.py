@@ -109,6 +109,15 @@ def chains(*limbs):
     return Bones(heads.astype(float), tails.astype(float), parents, numbers)
 
 
+def stretches(mesh, positions):
+    """Length of each edge at other positions (n, 3) of the vertices, divided by that at rest."""
+    a, b = mesh.edges.T
+    rest, now = (
+        np.linalg.norm(np.subtract(each[a], each[b], dtype=float), axis=1) for each in (mesh.vertices, positions)
+    )
+    return now / rest
+
+
 def moved(points, motions):
     """Points (b, 3), each by the motion (4, 3) of its bone."""
     return np.einsum("bi,bij->bj", np.column_stack([points, np.ones(len(points))]), motions)

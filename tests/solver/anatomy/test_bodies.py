@@ -5,7 +5,7 @@ from numpy.testing import assert_array_equal
 from solver.anatomy.bodies import STILL, find_bodies
 from solver.surface.mesh import weld
 
-from ..shapes import box, points, sphere
+from ..shapes import box, joined, points, sphere
 
 PLATE_FACES = np.array([[0, 2, 1], [0, 3, 2]])
 
@@ -83,27 +83,24 @@ def person(example_character):
     return Person(example_character("human"))
 
 
-def joined(scene):
+def welded(scene):
     """The solver mesh of a scene, and the number of the body of each of its vertices."""
-    starts = np.cumsum([0, *(len(vertices) for _, (vertices, _) in scene)])
-    mesh = weld(
-        np.concatenate([vertices for _, (vertices, _) in scene]),
-        np.concatenate([faces + start for (_, (_, faces)), start in zip(scene, starts, strict=False)]),
-    )
+    numbers, shapes = zip(*scene, strict=True)
+    mesh = weld(*joined(*shapes))
     wanted = np.zeros(len(mesh.vertices), dtype=np.int64)
-    wanted[mesh.of_render] = np.repeat([number for number, _ in scene], np.diff(starts))
+    wanted[mesh.of_render] = np.repeat(numbers, [len(vertices) for vertices, _ in shapes])
     return mesh, wanted
 
 
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("turn", [np.eye(3), [[1, 0, 0], [0, 0, 1], [0, -1, 0]]], ids=["y up", "z up"])
 def test_figures_are_told_from_each_other_and_from_what_is_under_and_beside_them(person, scene, turn):
-    mesh, wanted = joined([(number, (vertices @ turn, faces)) for number, (vertices, faces) in SCENES[scene](person)])
+    mesh, wanted = welded([(number, (vertices @ turn, faces)) for number, (vertices, faces) in SCENES[scene](person)])
     assert_array_equal(find_bodies(mesh), wanted)
 
 
 def test_what_belongs_together_is_one_body(person):
-    mesh, wanted = joined(person.hall())
+    mesh, wanted = welded(person.hall())
     together = np.where(wanted == STILL, -1, 7)
     assert_array_equal(find_bodies(mesh, together), np.minimum(wanted, 1))
 
@@ -111,5 +108,5 @@ def test_what_belongs_together_is_one_body(person):
 @pytest.mark.parametrize("axes", [[0, 1, 2], [0, 2, 1]], ids=["flat along z", "flat along y"])
 def test_flat_figures_stand_along_the_axis_along_which_they_have_a_height(axes):
     square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])[:, axes]
-    mesh, _ = joined([(number, moved((square, PLATE_FACES), [3 * number, 0, 0])) for number in (1, 2)])
+    mesh, _ = welded([(number, moved((square, PLATE_FACES), [3 * number, 0, 0])) for number in (1, 2)])
     assert_array_equal(find_bodies(mesh)[mesh.of_render], np.repeat([1, 2], 4))

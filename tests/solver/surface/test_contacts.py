@@ -80,9 +80,8 @@ def test_a_part_that_floats_is_tied_to_the_nearest_one_wherever_it_is_near_to_it
 @pytest.mark.parametrize("seed", range(2))
 def test_parts_that_meet_at_a_point_are_tied_there(seed):
     """Two boxes that are welded at one corner."""
-    (lower, faces), (upper, _) = box("0 0 0, 1 1 1", 0.25), box("1 1 1, 2 2 2", 0.25)
-    both = np.random.default_rng(seed).permutation(np.concatenate([faces, faces + len(lower)]))
-    mesh = weld(np.concatenate([lower, upper]), both)
+    vertices, faces = joined(box("0 0 0, 1 1 1", 0.25), box("1 1 1, 2 2 2", 0.25))
+    mesh = weld(vertices, np.random.default_rng(seed).permutation(faces))
     ties = contacts(mesh)
     assert mesh.parts == 2
     assert_array_equal(np.sort(ties.vertices), np.flatnonzero((mesh.vertices == 1).all(axis=1)))

@@ -29,6 +29,13 @@ def test_in_an_open_part_the_smaller_area_is_wrong():
     assert not wrongly_wound(vertices, large).any()
 
 
+def test_a_leaf_of_two_sides_and_degenerate_faces_are_left_alone(cube):
+    leaf = np.array([[0, 1, 3], [0, 3, 2], [1, 0, 2], [1, 2, 3]])
+    assert not wrongly_wound(cube.vertices, leaf).any()
+    with_degenerate = np.concatenate([[[0, 0, 1]], cube.triangles, [[7, 7, 7]]])
+    assert not wrongly_wound(cube.vertices, with_degenerate).any()
+
+
 def test_backs_that_have_their_own_vertices_look_the_other_way(ball):
     lid_off = ball.triangles[:-2]
     both = Surface([Piece("front", ball.vertices, lid_off), Piece("back", ball.vertices, lid_off[:, [1, 0, 2]])])

@@ -73,6 +73,3 @@ def test_covariance_map_is_the_plain_sum_over_strips_triangles_and_edges(
             for i, j in ((0, 1), (1, 2), (2, 0)):
                 naive += area * np.outer(rest[j] - rest[i], now[j] - now[i])
         np.testing.assert_allclose(S[number], naive, atol=1e-12 * np.abs(naive).max())
-
-
-# --- rotations

@@ -5,7 +5,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from PIL import Image
 
 from engine_bridge.character.surfaces import ply
-from engine_bridge.character.surfaces.surface import linear
+from engine_bridge.character.surfaces.surface import DEFAULT_MATERIAL, linear
 from puppetline.errors import MeshError
 
 from ...refusals import refused_place
@@ -72,6 +72,11 @@ def test_texture_coordinates_normals_and_the_picture_are_read(cube, read, tmp_pa
     assert_array_equal(piece.normals, [[0, 3, 4]] * 8)
     assert_array_equal(piece.uvs, [[0.25, 0.25]] * 8)
     assert piece.material.texture.content == (tmp_path / "skin of a cube.png").read_bytes()
+
+
+def test_a_picture_without_texture_coordinates_is_noted(cube, read):
+    surface = read(cube_text(cube).replace("made by hand", "TextureFile skin.png"))
+    assert (only(surface).material, len(surface.notes)) == (DEFAULT_MATERIAL, 1)
 
 
 def test_texture_coordinates_of_corners_split_vertices(cube, read):

@@ -10,6 +10,12 @@ SIDES = (("left", 1), ("right", -1))
 NO_VERTICES = np.zeros((0, 3))
 
 
+def rows(table):
+    """Return by its first word the numbers of each line of a table, and its last word, which is the parent's name."""
+    lines = map(str.split, table.strip().splitlines())
+    return {name: (np.array(numbers, dtype=float), parent) for name, *numbers, parent in lines}
+
+
 def joints_at(table):
     """Make joints from lines of name, parent, place and, if they are elsewhere, places of its vertices; parents first.
 

@@ -33,9 +33,8 @@ def errors(noisy, true):
 
 def runs(flags):
     """Lengths of the runs of True in a one-dimensional array that neither begin nor end with it."""
-    edges = np.flatnonzero(np.diff(flags.astype(int)))
-    begins = edges[~flags[edges]]
-    return [int(end - begin) for begin in begins for end in edges[edges > begin][:1]]
+    changes = np.flatnonzero(np.diff(flags))
+    return np.diff(changes)[~flags[changes[:-1]]]
 
 
 @pytest.fixture(scope="module")

@@ -7,26 +7,13 @@ from puppetline.examples.performer import REST, interpolated, posed
 from capture.body import typical_bone_length
 from capture.skeleton import JOINT_INDEX, OPPOSITE, PARENTS
 
-START, MOVES = (
-    (0.0, 0.5, 0.0),
-    [(1.0, 1.5, (1.0, 0.0, -2.0)), (1.5, 2.0, (3.0, 0.0, -1.0)), (2.5, 3.0, (0.0, 0.0, -1.0))],
-)
-KEYS = [(0.0, START), (1.0, START), *((end, target) for _, end, target in MOVES), (4.0, MOVES[-1][2])]
-KEYS.insert(4, (2.5, MOVES[1][2]))
+MOVES = [(1.0, 1.5, (1.0, 0.0, -2.0)), (1.5, 2.0, (3.0, 0.0, -1.0)), (2.5, 3.0, (0.0, 0.0, -1.0))]
+START, (ONE, TWO, THREE) = (0.0, 0.5, 0.0), (target for *_, target in MOVES)
+KEYS = [*zip((0.0, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0), (START, START, ONE, TWO, TWO, THREE, THREE), strict=True)]
 """When a part is where: between two keys with the same value it is still."""
 
-SWAY = {  # how far each part may go from rest with the ankles in reach: metres, degrees
-    "hips": 0.04,
-    "pelvis": 20.0,
-    "trunk": 30.0,
-    "head": 30.0,
-    "hand_left": 0.25,
-    "hand_right": 0.25,
-    "ankle_left": 0.03,
-    "ankle_right": 0.03,
-    "foot_left": 30.0,
-    "foot_right": 30.0,
-}
+SWAY = {"hips": 0.04, "pelvis": 20, "trunk": 30, "head": 30, "hand": 0.25, "ankle": 0.03, "foot": 30}
+"""How far each part may go from rest with the ankles in reach: metres, degrees."""
 
 
 def parts(frames, **changed):
@@ -37,19 +24,18 @@ def parts(frames, **changed):
 def swaying(frames, seed=1):
     """Return each part near its rest value, the hips only below it because the knees are nearly straight."""
     rng = np.random.default_rng(seed)
-    poses = {part: rest + rng.uniform(-SWAY[part], SWAY[part], (frames, 3)) for part, rest in REST.items()}
+    poses = {part: rest + rng.uniform(-1, 1, (frames, 3)) * SWAY[part.split("_")[0]] for part, rest in REST.items()}
     poses["hips"][:, 1] -= 0.12
     return poses
 
 
 def mirrored(poses):
     """Return the mirrored parts: out stays out, but the hips' right and all turns change sign."""
-    swap = {"left": "right", "right": "left"}
-    named = {
-        "_".join([part.split("_")[0], *(swap[s] for s in part.split("_")[1:])]): path for part, path in poses.items()
-    }
-    signs = {"hips": [-1, 1, 1], "hand": [1, 1, 1], "ankle": [1, 1, 1]}
-    return {part: path * signs.get(part.split("_")[0], [1, -1, -1]) for part, path in named.items()}
+    swapped, signs, found = {"left": "right", "right": "left"}, {"hips": [-1, 1, 1], "hand": 1, "ankle": 1}, {}
+    for part, path in poses.items():
+        kind, _, side = part.partition("_")
+        found[f"{kind}_{swapped[side]}" if side else part] = path * signs.get(kind, [1, -1, -1])
+    return found
 
 
 def paths(positions):
@@ -104,17 +90,16 @@ def test_a_mirrored_pose_is_the_pose_in_a_mirror():
     )
 
 
-def test_a_hand_within_reach_is_placed_and_one_beyond_is_drawn_in_on_its_line():
-    arm = typical_bone_length("elbow") + typical_bone_length("wrist") + typical_bone_length("hand")
-    for wish in ([0.1, 0.1, 0.3], [0.5, -0.5, 1.0]):
-        joint = paths(posed(parts(1, hand_right=wish), 2.5))
-        hand = (joint["hand_right"] - joint["shoulder_right"])[0] * [1, 1, -1]
-        length = np.linalg.norm(wish)
-        np.testing.assert_allclose(hand / np.linalg.norm(hand), wish / length, rtol=0, atol=1e-12)
-        if length < 0.6 * arm:
-            np.testing.assert_allclose(hand, wish, rtol=0, atol=1e-5)
-        else:
-            assert 0.99 * arm < np.linalg.norm(hand) < arm
+@pytest.mark.parametrize("wish", [[0.1, 0.1, 0.3], [0.5, -0.5, 1.0]])
+def test_a_hand_within_reach_is_placed_and_one_beyond_is_drawn_in_on_its_line(wish):
+    joint = paths(posed(parts(1, hand_right=wish), 2.5))
+    hand = (joint["hand_right"] - joint["shoulder_right"])[0] * [1, 1, -1]
+    length, arm = np.linalg.norm(wish), sum(map(typical_bone_length, ("elbow", "wrist", "hand")))
+    np.testing.assert_allclose(hand / np.linalg.norm(hand), wish / length, rtol=0, atol=1e-12)
+    if length < 0.6 * arm:
+        np.testing.assert_allclose(hand, wish, rtol=0, atol=1e-5)
+    else:
+        assert 0.99 * arm < np.linalg.norm(hand) < arm
 
 
 def test_an_ankle_out_of_reach_is_refused():

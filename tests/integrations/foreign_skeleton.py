@@ -15,22 +15,24 @@ CHAINS = {
 }
 """Next joint of each one that is compared, and its bone in the foreign skeleton."""
 
-FOREIGN = {
-    "Hips": (None, (0, 1.0, 0)),
-    "Spine": ("Hips", (0, 1.2, 0.02)),
-    "Head": ("Spine", (0, 1.7, 0.05)),
-    **{
-        f"{side}{bone}": (f"{side}{parent}" if parent[0] != "*" else parent[1:], (sign * x, y, z))
-        for side, sign in (("Left", 1), ("Right", -1))
-        for bone, parent, (x, y, z) in (
-            ("Arm", "*Spine", (0.2, 1.45, 0.0)),
-            ("ForeArm", "Arm", (0.4, 1.2, -0.02)),
-            ("Hand", "ForeArm", (0.55, 1.0, 0.05)),
-            ("UpLeg", "*Hips", (0.1, 0.95, 0.0)),
-            ("Leg", "UpLeg", (0.15, 0.5, 0.03)),
-            ("Foot", "Leg", (0.17, 0.1, 0.0)),
-        )
-    },
+TABLE = """
+Hips     -        0    1    0
+Spine    Hips     0    1.2  0.02
+Head     Spine    0    1.7  0.05
+Arm      Spine    0.2  1.45 0
+ForeArm  Arm      0.4  1.2 -0.02
+Hand     ForeArm  0.55 1    0.05
+UpLeg    Hips     0.1  0.95 0
+Leg      UpLeg    0.15 0.5  0.03
+Foot     Leg      0.17 0.1  0
+"""
+ROWS = {name: (parent, np.array(place, float)) for name, parent, *place in map(str.split, TABLE.strip().splitlines())}
+MIDDLE = ("Hips", "Spine", "Head")
+FOREIGN = {name: (None if name == "Hips" else ROWS[name][0], ROWS[name][1]) for name in MIDDLE} | {
+    f"{side}{name}": (parent if parent in MIDDLE else f"{side}{parent}", place * [sign, 1, 1])
+    for side, sign in (("Left", 1), ("Right", -1))
+    for name, (parent, place) in ROWS.items()
+    if name not in MIDDLE
 }
 """Parent and place of each bone of a skeleton in an A-pose, with Mixamo's names; its left is at +x, and it faces +z."""
 
@@ -62,10 +64,10 @@ def foreign(names=MIXAMO):
                 "name": own,
                 "parent": list(FOREIGN).index(parent) if parent else -1,
                 "rotation": local.as_quat().tolist(),
-                "position": above.inv().apply(np.array(place) - start).tolist(),
+                "position": above.inv().apply(place - start).tolist(),
             }
         )
-        world[name] = turn, np.array(place, dtype=np.float64)
+        world[name] = turn, place
     return bones
 
 
@@ -97,5 +99,5 @@ def hips_place(frame):
     moved = hips.head @ frame.pose.bones[0, :3] + frame.pose.bones[0, 3] + frame.pose.root - hips.head
     joints = {joint.name: joint.head for joint in frame.character.skeleton.joints}
     own = sum(np.linalg.norm(joints[a] - joints[b]) for a, b in pairwise(["leftUpperLeg", "leftLowerLeg", "leftFoot"]))
-    places = [np.array(FOREIGN[f"Left{name}"][1]) for name in ("UpLeg", "Leg", "Foot")]
+    places = [FOREIGN[f"Left{name}"][1] for name in ("UpLeg", "Leg", "Foot")]
     return np.array([0, 1.0, 0]) + sum(np.linalg.norm(a - b) for a, b in pairwise(places)) / own * moved

@@ -32,12 +32,6 @@ def test_poses_are_those_of_the_file_that_convert_writes(figure, take, tmp_path)
         np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-5)
 
 
-def test_handles_of_a_performer_at_rest_leave_the_character_at_rest(blob_puppet, standing, frames):
-    figure = pl.load(blob_puppet)
-    vertices, _ = figure.vertices(figure.motion(rest=standing).step(frames(standing[None])[0]))
-    np.testing.assert_allclose(vertices, figure.rest_vertices, atol=1e-5)
-
-
 def test_files_are_those_of_the_commands(figure, limbed_puppet, take, tmp_path):
     summary = figure.convert(take, tmp_path / "one.glb")
     convert(take, limbed_puppet, tmp_path / "two.glb", Settings())

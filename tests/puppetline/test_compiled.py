@@ -123,20 +123,6 @@ def test_python_runs_a_function_with_all_that_it_calls_until_another_process_has
     assert again.compiled.stats.cache_hits.total() == 1
 
 
-def test_options_of_numba_are_passed_on():
-    @compiled
-    def quotient(a, b):
-        return a / b
-
-    @compiled(error_model="numpy")
-    def quotient_of_numpy(a, b):
-        return a / b
-
-    with pytest.raises(ZeroDivisionError):
-        quotient(1.0, 0.0)
-    assert quotient_of_numpy(1.0, 0.0) == math.inf
-
-
 def test_only_functions_that_are_compiled_have_no_type_hints():
     """mypy lets all functions of a module with compiled functions go without."""
     found = {

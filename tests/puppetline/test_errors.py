@@ -1,7 +1,4 @@
-"""Errors say where, what was found, what was expected and what to do; other tests compare the place and the class only.
-
-`tests/conftest.py` checks in the same way every error that any test causes, with the values that it then has.
-"""
+"""Errors say where, what was found, what was expected and what to do; other tests compare place and class only."""
 
 import ast
 import collections

@@ -21,22 +21,14 @@ def test_a_file_is_read_whole_or_an_error_states_the_reason(tmp_path):
         assert why in error.value.found
 
 
-def test_a_result_replaces_the_old_file_only_when_the_block_has_ended(tmp_path):
-    path = tmp_path / "out.glb"
-    path.write_text("old")
-    with written_whole(path) as beside:
-        beside.write_text("new")
-        assert path.read_text() == "old"
-        assert (beside.parent, beside.suffix) == (tmp_path, ".glb")
-    assert (path.read_text(), names(tmp_path)) == ("new", ["out.glb"])
-
-
-def test_the_data_of_a_result_are_on_the_disk_before_it_has_its_name(tmp_path, monkeypatch):
+def test_a_result_replaces_the_old_file_when_the_block_has_ended_and_its_data_are_on_the_disk(tmp_path, monkeypatch):
     path, synced = tmp_path / "out.glb", []
-    monkeypatch.setattr(os, "fsync", lambda file: synced.append((os.fstat(file).st_size, path.exists())))
+    path.write_text("old")
+    monkeypatch.setattr(os, "fsync", lambda file: synced.append((os.fstat(file).st_size, path.read_text())))
     with written_whole(path) as beside:
-        beside.write_bytes(b"12345")
-    assert (synced, path.read_bytes()) == ([(5, False)], b"12345")
+        beside.write_text("newer")
+        assert (beside.parent, beside.suffix) == (tmp_path, ".glb")
+    assert (synced, path.read_text(), names(tmp_path)) == ([(5, "old")], "newer", ["out.glb"])
 
 
 @pytest.mark.parametrize("fault", [RuntimeError, KeyboardInterrupt, SystemExit])

@@ -10,15 +10,19 @@ from scipy.spatial.transform import Rotation
 from solver.model import reduced_model
 from solver.surface.mesh import SolverMesh, weld
 
-from .shapes import box, joined, march
+from .shapes import box, capsules, joined, march, points
 
 
 @pytest.fixture(scope="session")
 def figure():
     """Two arms, two legs and a head on a trunk; the half x ≥ 0 and its mirror image, so symmetric to the last bit."""
-    trunk, head = ((0.0, 0.0, 0.0), (0.0, 1.2, 0.0), 0.35), ((0.0, 1.2, 0.0), (0.0, 1.9, 0.2), 0.22)
-    arm, leg = ((0.0, 1.1, 0.0), (1.4, 1.3, 0.0), 0.18), ((0.0, 0.0, 0.0), (0.6, -1.5, 0.1), 0.20)
-    v, f = march([trunk, head, arm, leg], (0.0, -1.9, -0.6), (1.8, 2.3, 0.6), 0.14)
+    limbs = capsules("""
+    0 0   0   0    1.2 0    0.35
+    0 1.2 0   0    1.9 0.2  0.22
+    0 1.1 0   1.4  1.3 0    0.18
+    0 0   0   0.6 -1.5 0.1  0.2
+    """)
+    v, f = march(limbs, (0.0, -1.9, -0.6), (1.8, 2.3, 0.6), 0.14)
     image = np.where(v[:, :1] == 0, v, v * [-1, 1, 1])
     return weld(*joined((v, f), (image, f[:, ::-1])))
 
@@ -37,13 +41,13 @@ def figure_model(figure):
 @pytest.fixture(scope="session")
 def creature():
     """A bent, lopsided tube with a horn and a leg: no symmetry, so that no two eigenvalues are equal."""
-    capsules = [
-        ((-1.2, 0.0, 0.0), (0.0, 0.2, 0.0), 0.30),
-        ((0.0, 0.2, 0.0), (0.9, 0.9, 0.2), 0.25),
-        ((-0.9, 0.1, 0.0), (-1.0, 0.9, -0.4), 0.16),
-        ((0.0, 0.1, 0.0), (0.2, -1.1, 0.3), 0.18),
-    ]
-    return weld(*march(capsules, (-1.7, -1.5, -0.8), (1.4, 1.4, 0.8), 0.13))
+    limbs = capsules("""
+    -1.2 0   0    0    0.2  0    0.3
+     0   0.2 0    0.9  0.9  0.2  0.25
+    -0.9 0.1 0   -1    0.9 -0.4  0.16
+     0   0.1 0    0.2 -1.1  0.3  0.18
+    """)
+    return weld(*march(limbs, (-1.7, -1.5, -0.8), (1.4, 1.4, 0.8), 0.13))
 
 
 @pytest.fixture(scope="session")
@@ -54,7 +58,7 @@ def creature_model(creature):
 @pytest.fixture(scope="session")
 def creature_handles():
     """Near the two ends of the tube, the horn's tip, the foot and the belly."""
-    return np.array([[-1.5, 0.0, 0.0], [1.05, 1.05, 0.25], [-1.0, 1.05, -0.45], [0.2, -1.28, 0.33], [0.0, 0.0, 0.3]])
+    return points("-1.5 0 0, 1.05 1.05 0.25, -1 1.05 -0.45, 0.2 -1.28 0.33, 0 0 0.3")
 
 
 @pytest.fixture(scope="session")
@@ -77,7 +81,7 @@ def turn():
 @pytest.fixture(scope="session")
 def two_parts(figure):
     """The figure and, a little beside its right hand, a small cube of its own."""
-    cube = box([1.7, 1.2, -0.1], [2.0, 1.5, 0.2])
+    cube = box("1.7 1.2 -0.1, 2 1.5 0.2")
     vertices, faces = joined((figure.vertices, figure.faces), cube)
     return SolverMesh(vertices, faces, np.arange(len(vertices)))
 

@@ -1,6 +1,6 @@
 """Surfaces of simple shapes, vertices (n, 3) and triangles (t, 3), and bones."""
 
-from itertools import pairwise
+from itertools import pairwise, permutations, product
 
 import igl
 import numpy as np
@@ -9,26 +9,33 @@ from solver.model.bones import Bones
 from solver.surface.mesh import weld
 
 
+def points(text):
+    """The points (n, 3) of a text, as "0 1 0, 0 1.2 0"; an array of points stays as it is."""
+    return np.array([point.split() for point in text.split(",")], float) if isinstance(text, str) else np.array(text)
+
+
 def distance_to_capsule(points, start, end, radius):
     way, along = points.T - np.array(start)[:, None], np.array(end) - np.array(start)
     x, y, z = way - np.clip(along @ way / (along @ along), 0, 1) * along[:, None]
     return np.sqrt(x * x + y * y + z * z) - radius
 
 
+def capsules(table):
+    """From, to and radius of each line of a table; a line with * is on the left side, and mirrored on the right one."""
+    found = []
+    for line in table.strip().splitlines():
+        *ends, radius = map(float, line.strip(" *").split())
+        sides = ([1, 1, 1], [-1, 1, 1]) if "*" in line else ([1, 1, 1],)
+        found += [(*(np.array(ends).reshape(2, 3) * side), radius) for side in sides]
+    return found
+
+
 def march(capsules, low, high, step):
     """The union of capsules (from, to, radius)."""
-    low = np.array(low)
-    counts = np.ceil((np.array(high) - low) / step).astype(int) + 1
+    counts = np.ceil(np.subtract(high, low) / step).astype(int) + 1
     grid = igl.grid(counts) * ((counts - 1) * step) + low
-    distance = np.full(counts[::-1], np.inf)
-    for start, end, radius in capsules:  # marching needs distances within a cell of the surface
-        ends, reach = np.array([start, end]), radius + 2 * step
-        first = np.maximum(np.floor((ends.min(axis=0) - reach - low) / step), 0).astype(int)
-        last = np.ceil((ends.max(axis=0) + reach - low) / step).astype(int) + 1
-        near = tuple(map(slice, first[::-1], last[::-1]))
-        own = distance_to_capsule(grid.reshape(*counts[::-1], 3)[near].reshape(-1, 3), start, end, radius)
-        distance[near] = np.minimum(distance[near], own.reshape(distance[near].shape))
-    v, f, _ = igl.marching_cubes(distance.ravel(), grid, *map(int, counts), 0.0)
+    distance = np.min([distance_to_capsule(grid, *each) for each in capsules], axis=0)
+    v, f, _ = igl.marching_cubes(distance, grid, *map(int, counts), 0.0)
     return v, f
 
 
@@ -39,22 +46,20 @@ def body_of(limbs, step=0.035):
     return weld(*march(limbs, ends.min(axis=0) - reach, ends.max(axis=0) + reach, step))
 
 
-def box(low, high, step=np.inf):
-    """A closed box whose sides are split into squares of about `step`."""
-    low, high = np.array(low, dtype=float), np.array(high, dtype=float)
+def box(corners, step=np.inf):
+    """A closed box between two corners, whose sides are split into squares of about `step`."""
+    low, high = points(corners)
     counts = np.maximum(np.ceil((high - low) / step), 1).astype(int) + 1
-    grid = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1)
-    shell = ((grid == 0) | (grid == counts - 1)).any(axis=-1)
-    number = np.full(counts, -1)
-    number[shell] = np.arange(shell.sum())
-    faces = []
+    sides = []
     for axis in range(3):
-        for end in (0, -1):
-            plane = np.take(number, end, axis=axis)
-            a, b, c, d = plane[:-1, :-1], plane[1:, :-1], plane[1:, 1:], plane[:-1, 1:]
-            quads = np.stack([a, b, c, d], axis=-1).reshape(-1, 4)[:, :: 1 if (end == 0) == (axis == 1) else -1]
-            faces += [quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]
-    return low + grid[shell] / (counts - 1) * (high - low), np.concatenate(faces)
+        others = [(axis + 1) % 3, (axis + 2) % 3]
+        flat, faces = igl.triangulated_grid(*map(int, counts[others]))
+        for end in (0, 1):
+            side = np.full((len(flat), 3), end, dtype=float)
+            side[:, others] = flat
+            sides.append((low + side * (high - low), faces[:, :: 1 if end else -1]))
+    vertices, _, _, faces = igl.remove_duplicate_vertices(*joined(*sides), 0.0)
+    return vertices, faces
 
 
 def sphere(rounds=2, radius=1.0, center=(0, 0, 0)):
@@ -97,8 +102,38 @@ def needles(vertices, faces, some, height):
 def chains(*limbs):
     """Bones of limbs (parent, points), with the number of the parent bone; the first limb is the trunk."""
     rows = []
-    for number, (parent, points) in enumerate(limbs, -1):
-        for k, (head, tail) in enumerate(pairwise(points)):
+    for number, (parent, places) in enumerate(limbs, -1):
+        for k, (head, tail) in enumerate(pairwise(points(places))):
             rows.append((head, tail, len(rows) - 1 if k else parent, number))
     heads, tails, parents, numbers = (np.array(column) for column in zip(*rows, strict=True))
     return Bones(heads.astype(float), tails.astype(float), parents, numbers)
+
+
+def stretches(mesh, positions):
+    """Length of each edge at other positions (n, 3) of the vertices, divided by that at rest."""
+    a, b = mesh.edges.T
+    rest, now = (
+        np.linalg.norm(np.subtract(each[a], each[b], dtype=float), axis=1) for each in (mesh.vertices, positions)
+    )
+    return now / rest
+
+
+def moved(points, motions):
+    """Points (b, 3), each by the motion (4, 3) of its bone."""
+    return np.einsum("bi,bij->bj", np.column_stack([points, np.ones(len(points))]), motions)
+
+
+def assert_joined(bones, motions, tolerance=1e-12):
+    """Assert that each bone begins where the motion of the bone that it hangs on takes its head."""
+    child = np.flatnonzero(bones.parents >= 0)
+    heads, above = bones.heads[child], motions[bones.parents[child]]
+    np.testing.assert_allclose(moved(heads, motions[child]), moved(heads, above), rtol=0, atol=tolerance)
+
+
+TURNS = [
+    turned
+    for order in permutations(range(3))
+    for signs in product((1, -1), repeat=3)
+    if np.linalg.det(turned := np.eye(3)[list(order)] * np.array(signs)) > 0
+]
+"""The 24 rotations by right angles."""

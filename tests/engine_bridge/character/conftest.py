@@ -2,10 +2,10 @@
 
 from types import SimpleNamespace
 
-import igl
 import numpy as np
 import pytest
 
+from ...solver.shapes import sphere
 from ..export.conftest import variant, variants
 
 __all__ = ["variant", "variants"]
@@ -28,12 +28,8 @@ def cube():
 @pytest.fixture
 def ball():
     """A round surface of 162 vertices; its edges are all soft."""
-    vertices, triangles = igl.icosahedron()
-    for _ in range(2):
-        vertices, triangles = igl.upsample(vertices, triangles)
-    return SimpleNamespace(
-        vertices=vertices / np.linalg.norm(vertices, axis=1, keepdims=True), triangles=triangles.astype(np.int64)
-    )
+    vertices, triangles = sphere(2)
+    return SimpleNamespace(vertices=vertices, triangles=triangles)
 
 
 @pytest.fixture

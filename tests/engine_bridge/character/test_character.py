@@ -60,12 +60,9 @@ def foreign_index(glb):
     glb.node(glb.mesh(glb.primitive(CORNERS, wrong), glb.primitive(CORNERS + 2, SIDES)))
 
 
-def few_normals(glb):
-    glb.node(glb.mesh(glb.primitive(CORNERS, SIDES, NORMAL=np.ones((3, 3), np.float32))))
-
-
-def few_colors(glb):
-    glb.node(glb.mesh(glb.primitive(CORNERS, SIDES, COLOR_0=np.ones((3, 3), np.float32))))
+def few(attribute):
+    """Return a function that shows a primitive whose attribute has a row too few."""
+    return lambda glb: glb.show(CORNERS, SIDES, **{attribute: np.ones((3, 3), np.float32)})
 
 
 @pytest.mark.parametrize(
@@ -74,8 +71,8 @@ def few_colors(glb):
         (without_weights, "skins[0]"),
         (points, ""),
         (foreign_index, "meshes[0].primitives[0].indices"),
-        (few_normals, "accessors[1]"),
-        (few_colors, "accessors[1]"),
+        (few("NORMAL"), "accessors[1]"),
+        (few("COLOR_0"), "accessors[1]"),
     ],
 )
 def test_primitives_that_do_not_fit_are_refused_with_their_place(glb, tmp_path, damage, place):

@@ -61,18 +61,9 @@ def test_an_array_comes_out_as_it_stands_in_the_file(tmp_path, kind, width, inte
         raw[:, :row] = rng.normal(size=(7, row // 4)).astype("<f4").view(np.uint8)
     expected = raw[:, :row].copy().view("<" + KINDS[kind])
     # an offset of the view, and one of the accessor in it
-    content = description(
-        bufferViews=[
-            {
-                "buffer": 0,
-                "byteOffset": 8,
-                "byteLength": 4 + raw.size,
-                **({"byteStride": stride} if interleaved else {}),
-            }
-        ],
-        accessors=[{"bufferView": 0, "byteOffset": 4, "componentType": kind, "count": 7, "type": width}],
-        buffers=[{"byteLength": 12 + raw.size}],
-    )
+    view = {"buffer": 0, "byteOffset": 8, "byteLength": 4 + raw.size} | ({"byteStride": stride} if interleaved else {})
+    accessor = {"bufferView": 0, "byteOffset": 4, "componentType": kind, "count": 7, "type": width}
+    content = description(bufferViews=[view], accessors=[accessor], buffers=[{"byteLength": 12 + raw.size}])
     values = load_document(write_glb(tmp_path, content, bytes(12) + raw.tobytes())).array(0)
     assert values.dtype == expected.dtype
     assert_array_equal(values, expected[:, 0] if width == "SCALAR" else expected)

@@ -1,5 +1,4 @@
 import numpy as np
-import pygltflib as gltf
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
@@ -21,17 +20,6 @@ def test_a_rotation_of_any_length_is_a_rotation_and_one_of_none_is_none(size):
     quarter = np.array([[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
     assert_allclose(transform(rotation=[0, 0, size, size]), quarter, atol=1e-15)
     assert_array_equal(transform(rotation=[0, 0, 0, 0]), np.eye(4))
-
-
-def hang_on(glb, inverse):
-    """A body on one bone."""
-    bone = glb.node()
-    glb.file.skins = [gltf.Skin(joints=[bone], inverseBindMatrices=glb.add(inverse.reshape(1, 16), None))]
-    glb.file.accessors[-1].min = glb.file.accessors[-1].max = None  # JSON has no NaN
-    primitive = glb.primitive(CORNERS, SIDES, NORMAL=CORNERS + np.float32(1))
-    joints, weights = glb.add(np.zeros((4, 4), np.uint8)), glb.add(np.eye(4, dtype=np.float32)[[0, 0, 0, 0]])
-    primitive.attributes.JOINTS_0, primitive.attributes.WEIGHTS_0 = joints, weights
-    glb.node(glb.mesh(primitive), skin=0)
 
 
 def endless_node(glb):

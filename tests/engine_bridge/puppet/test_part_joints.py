@@ -13,6 +13,7 @@ from engine_bridge.puppet.skin_joints import are_nested, joints_of
 from solver.motion.limbs import TRUNK, Limb
 
 from ..character.conftest import QUADS, VERTICES
+from .skeletons import rows
 
 GIRL = """
 torso            0    1    0    0.5 0.5 0.3  -
@@ -53,11 +54,6 @@ character_toyArmLeft   0.29 0.45 0    0.18 0.5 0.18 character_toy
 character_toyArmRight -0.29 0.45 0    0.18 0.5 0.18 character_toy
 """
 """The body, whose name says nothing, is smaller than the head that it carries."""
-
-
-def rows(table):
-    lines = [line.split() for line in table.strip().splitlines()]
-    return {name: (np.array(numbers, float), parent) for name, *numbers, parent in lines}
 
 
 @pytest.fixture

@@ -1,4 +1,3 @@
-import igl
 import numpy as np
 
 from engine_bridge.character.character import make_character
@@ -6,6 +5,7 @@ from engine_bridge.performance.prepared_character import make_prepared
 from engine_bridge.puppet.placement import check_handles, check_limbs
 from puppetline.errors import PuppetError
 
+from ...solver.shapes import sphere
 from ..refusals import refused
 
 
@@ -20,9 +20,7 @@ def test_a_handle_off_the_mesh_is_refused_with_the_nearest_place_on_it(prepared_
 
 
 def test_a_limb_in_the_middle_of_a_fat_character_is_inside_it(limbed_figure):
-    vertices, triangles = igl.upsample(*igl.icosahedron(), 3)
-    vertices /= np.linalg.norm(vertices, axis=1, keepdims=True)
-    ball = make_prepared(limbed_figure.puppet, make_character("ball", vertices, triangles))
+    ball = make_prepared(limbed_figure.puppet, make_character("ball", *sphere(3)))
     core = limbed_figure.puppet.limb[0].model_copy(
         update={"points": ((0.0, -0.1, 0.0), (0.0, 0.0, 0.0), (0.0, 0.1, 0.0))}
     )

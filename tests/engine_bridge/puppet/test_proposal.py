@@ -8,12 +8,12 @@ from engine_bridge.character.character import load_character, make_character
 from engine_bridge.puppet import proposal
 from engine_bridge.puppet.proposal import new_puppet
 from engine_bridge.puppet.size import propose_scale
-from puppetline.errors import MeshError, PuppetError
+from puppetline.errors import PuppetError
 from solver.anatomy import orientation, standing
 from solver.anatomy.limb_chain import LimbChain, Limbs
 
 from ..bones import points
-from ..refusals import refused, refused_place
+from ..refusals import refused
 
 PERSON = dict.fromkeys(["trunk", "head", "left arm", "right arm", "left leg", "right leg"], "direction")
 TURNING = dict.fromkeys(PERSON, "turn")
@@ -219,7 +219,3 @@ def test_a_limb_that_overlaps_another_one_is_left_out_if_the_others_stay(blob_fi
 )
 def test_a_mistake_on_the_command_line_is_named(blob_file, tmp_path, given, place):
     assert refused(PuppetError, new_puppet, blob_file, tmp_path / "a.toml", **given).where == place
-
-
-def test_a_mesh_that_is_not_there_is_refused(tmp_path):
-    refused_place(MeshError, tmp_path / "none.glb", new_puppet, tmp_path / "none.glb", tmp_path / "a.toml")

@@ -10,6 +10,7 @@ from solver.motion.limbs import parents_first
 
 from ..bones import limb
 from ..character.conftest import CORNERS, SIDES
+from .skeletons import rows
 
 BODY = limb("trunk", "0 1 0, 0 1.5 0, 0 2 0")
 ARM_POINTS = "0.3 1.9 0, 0.8 1.9 0, 1.2 1.9 0, 1.4 1.9 0"
@@ -42,21 +43,14 @@ def build(glb, tmp_path):
     def make(joints):
         nodes = {}
         for name, (place, parent) in joints.items():
-            above = np.zeros(3) if parent is None else np.array(joints[parent][0])
             mesh = None if "control" in name else glb.mesh(glb.primitive(CORNERS / 10, SIDES))
-            where = (np.array(place) - above).tolist()
-            nodes[name] = glb.node(mesh, parent=None if parent is None else nodes[parent], name=name, translation=where)
+            where = place - joints.get(parent, (0, None))[0]
+            nodes[name] = glb.node(mesh, parent=nodes.get(parent), name=name, translation=where.tolist())
         if any("control" in name for name in joints):
             glb.file.skins = [gltf.Skin(joints=[*nodes.values()])]
         return load_character(glb.save(tmp_path / "nodes.glb"))
 
     return make
-
-
-def rows(table):
-    """Return the place and the parent of each joint of a table."""
-    lines = map(str.split, table.strip().splitlines())
-    return {name: (np.array(place, float), None if parent == "-" else parent) for name, *place, parent in lines}
 
 
 SPINE = rows("""

@@ -1,5 +1,7 @@
 """A clip of another program plays on characters that were rigged: joints are matched by their Mixamo names."""
 
+import itertools
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -12,10 +14,12 @@ from engine_bridge.character.scene import world_transforms
 from engine_bridge.export.rig_file import RigSettings, write_rig
 
 PREFIX = "mixamorig:"
+CHAINS = "Arm ForeArm Hand", "UpLeg Leg Foot ToeBase"
 BONES = {
     f"{side}{name}": f"{side}{child}"
     for side in ("Left", "Right")
-    for name, child in (("Arm", "ForeArm"), ("ForeArm", "Hand"), ("UpLeg", "Leg"), ("Leg", "Foot"), ("Foot", "ToeBase"))
+    for chain in CHAINS
+    for name, child in itertools.pairwise(chain.split())
 }
 """Joints with the same meaning in the clip and in Mixamo's skeleton, and the joint at the end of each bone."""
 FRAMES = range(0, 2752, 250)
@@ -38,12 +42,10 @@ def clip(real_data):
     """World rotations of the clip's joints by name, (F, 3, 3), and bone directions at rest and in each frame."""
     nodes, motion, _, _ = parse(real_data / "bvh" / "cmu_01_01_hops.bvh", None)
     posed = motion_of(nodes, np.vstack([0 * motion[0], motion[FRAMES]]))
-    places, turns = posed.positions, posed.rotations
-    named = {node.name: number for number, node in enumerate(nodes)}
-    pointing = [
-        directions({name: places[number][frame] for name, number in named.items()}) for frame in range(len(places[0]))
-    ]
-    return {name: turns[number][1:] for name, number in named.items()}, pointing[0], pointing[1:]
+    names = [node.name for node in nodes]
+    frames = (dict(zip(names, places, strict=True)) for places in zip(*posed.positions, strict=True))
+    rest, *pointing = map(directions, frames)
+    return {name: turns[1:] for name, turns in zip(names, posed.rotations, strict=True)}, rest, pointing
 
 
 def played(document, clip_turns, clip_rest, frame):

@@ -20,26 +20,23 @@ LEFT, DOWN = np.array([1, 0, 0]), np.array([0, -1, 0])
 CHAINS = {
     "trunk": ("hip_center", "spine", "shoulder_center"),
     "head": ("shoulder_center", "head"),
-    **{
-        f"{side} {limb}": tuple(f"{joint}_{side}" for joint in joints)
-        for side in ("left", "right")
-        for limb, joints in {
-            "arm": ("shoulder", "elbow", "wrist", "hand"),
-            "leg": ("hip", "knee", "ankle", "foot"),
-        }.items()
-    },
+    "left arm": ("shoulder_left", "elbow_left", "wrist_left", "hand_left"),
+    "right arm": ("shoulder_right", "elbow_right", "wrist_right", "hand_right"),
+    "left leg": ("hip_left", "knee_left", "ankle_left", "foot_left"),
+    "right leg": ("hip_right", "knee_right", "ankle_right", "foot_right"),
+}
+NAMES = {
+    "trunk": "Hips Spine",
+    "head": "Neck",
+    "left arm": "LeftUpperArm LeftLowerArm LeftHand",
+    "right arm": "RightUpperArm RightLowerArm RightHand",
+    "left leg": "LeftUpperLeg LeftLowerLeg",
+    "right leg": "RightUpperLeg RightLowerLeg",
 }
 BONES = {
-    "Hips": ("hip_center", "spine"),
-    "Spine": ("spine", "shoulder_center"),
-    "Neck": ("shoulder_center", "head"),
-} | {
-    f"{side.title()}{bone}": (f"{start}_{side}", f"{end}_{side}")
-    for side in ("left", "right")
-    for bone, start, end in (
-        *(("UpperArm", "shoulder", "elbow"), ("LowerArm", "elbow", "wrist"), ("Hand", "wrist", "hand")),
-        *(("UpperLeg", "hip", "knee"), ("LowerLeg", "knee", "ankle")),
-    )
+    bone: ends
+    for limb, names in NAMES.items()
+    for bone, ends in zip(names.split(), itertools.pairwise(CHAINS[limb]), strict=False)
 }
 """Joints at the ends of each bone."""
 
@@ -165,12 +162,11 @@ def test_bones_lie_and_point_as_the_characters_do_in_any_pose():
         frames = in_world(humanoid, positions, rotations)
         to_unity = np.diag([-1, 1, 1]) @ made.character.basis * scale
         hips = np.array([0, 1, 0])  # above the floor; the origin is below them
-        row, joints = 0, {}
+        moves, joints = iter(motions), {}
         for limb in made.limbs:
-            for number, ends in enumerate(itertools.pairwise(CHAINS[limb.name])):
-                for joint, point in zip(ends, limb.points[number : number + 2], strict=True):
-                    joints.setdefault(joint, to_unity @ (np.append(point, 1) @ motions[row]))
-                row += 1
+            ends = zip(CHAINS[limb.name], limb.points, strict=True)
+            for bone, move in zip(itertools.pairwise(ends), moves, strict=False):
+                joints = {joint: to_unity @ (np.append(point, 1) @ move) for joint, point in bone} | joints
         origin = to_unity @ made.limbs[0].points[0] - hips
         for bone, (tail, head) in BONES.items():
             assert_allclose(frames[bone][0], joints[tail] - origin, atol=1e-9)

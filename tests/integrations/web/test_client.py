@@ -104,17 +104,6 @@ def test_a_wrong_token_is_final_until_retry_and_the_right_one_is_accepted(start,
     assert page.run("() => states") == ["refused", "connecting", "connected"]
 
 
-def test_the_page_of_another_origin_is_never_connected(shared, open_page, site):
-    service, address = shared
-    page = open_page()
-    page.page.goto(site.origin.replace("127.0.0.1", "localhost") + "/tests/web/page.html")
-    page.run(CONNECT, [address, None])
-    page.until("() => client.state === 'offline'")
-    refused = service.logged("web client refused")["fields"]
-    assert (refused["reason"], refused["origin"]) == ("wrong origin", page.page.evaluate("location.origin"))
-    assert page.run("() => states") == ["offline"]
-
-
 def test_a_killed_service_that_starts_again_is_followed_again(start, open_page, free_port):
     ports = free_port(), free_port()
     first, address = start("--port", ports[0], port=ports[1])

@@ -5,7 +5,7 @@ from numpy.testing import assert_array_equal
 from solver.anatomy.bodies import STILL, find_bodies
 from solver.surface.mesh import weld
 
-from ..shapes import box, sphere
+from ..shapes import box, joined, points, sphere
 
 PLATE_FACES = np.array([[0, 2, 1], [0, 3, 2]])
 
@@ -35,11 +35,11 @@ class Person:
     def box(self, low, high):
         """A box at heights above the ground."""
         up = np.array([0, self.ground, 0])
-        return box(low + up, high + up)
+        return box([low + up, high + up])
 
     def shoe(self, side):
         foot, room = self.feet[side * self.feet[:, 0] > 0], np.array([0.01, 0.0, 0.02])
-        return box(foot.min(axis=0) - room, foot.max(axis=0) + room)
+        return box([foot.min(axis=0) - room, foot.max(axis=0) + room])
 
     def floating(self, radius, place, steps=0):
         """A ball at a place in units of the outermost corner of the figure."""
@@ -60,7 +60,7 @@ SCENES = {
     "a stone beside": lambda p: [(STILL, p.stone), (1, p.shape)],
     "two figures in the order of the mesh": lambda p: [(1, p.beside(1)), (2, p.shape)],
     "a hall": Person.hall,
-    "a thing in a hand": lambda p: [(1, p.shape), (1, box(p.hand - 0.03, p.hand + np.array([0.03, 0.5, 0.03])))],
+    "a thing in a hand": lambda p: [(1, p.shape), (1, box(p.hand + points("-0.03 -0.03 -0.03, 0.03 0.5 0.03")))],
     "what floats above": lambda p: [(1, p.shape), (1, sphere(1, 0.1, [0, p.high[1] + 0.3, 0]))],
     "two figures, and what floats beside each": lambda p: [
         (1, p.shape),
@@ -83,27 +83,24 @@ def person(example_character):
     return Person(example_character("human"))
 
 
-def joined(scene):
+def welded(scene):
     """The solver mesh of a scene, and the number of the body of each of its vertices."""
-    starts = np.cumsum([0, *(len(vertices) for _, (vertices, _) in scene)])
-    mesh = weld(
-        np.concatenate([vertices for _, (vertices, _) in scene]),
-        np.concatenate([faces + start for (_, (_, faces)), start in zip(scene, starts, strict=False)]),
-    )
+    numbers, shapes = zip(*scene, strict=True)
+    mesh = weld(*joined(*shapes))
     wanted = np.zeros(len(mesh.vertices), dtype=np.int64)
-    wanted[mesh.of_render] = np.repeat([number for number, _ in scene], np.diff(starts))
+    wanted[mesh.of_render] = np.repeat(numbers, [len(vertices) for vertices, _ in shapes])
     return mesh, wanted
 
 
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("turn", [np.eye(3), [[1, 0, 0], [0, 0, 1], [0, -1, 0]]], ids=["y up", "z up"])
 def test_figures_are_told_from_each_other_and_from_what_is_under_and_beside_them(person, scene, turn):
-    mesh, wanted = joined([(number, (vertices @ turn, faces)) for number, (vertices, faces) in SCENES[scene](person)])
+    mesh, wanted = welded([(number, (vertices @ turn, faces)) for number, (vertices, faces) in SCENES[scene](person)])
     assert_array_equal(find_bodies(mesh), wanted)
 
 
 def test_what_belongs_together_is_one_body(person):
-    mesh, wanted = joined(person.hall())
+    mesh, wanted = welded(person.hall())
     together = np.where(wanted == STILL, -1, 7)
     assert_array_equal(find_bodies(mesh, together), np.minimum(wanted, 1))
 
@@ -111,5 +108,5 @@ def test_what_belongs_together_is_one_body(person):
 @pytest.mark.parametrize("axes", [[0, 1, 2], [0, 2, 1]], ids=["flat along z", "flat along y"])
 def test_flat_figures_stand_along_the_axis_along_which_they_have_a_height(axes):
     square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])[:, axes]
-    mesh, _ = joined([(number, moved((square, PLATE_FACES), [3 * number, 0, 0])) for number in (1, 2)])
+    mesh, _ = welded([(number, moved((square, PLATE_FACES), [3 * number, 0, 0])) for number in (1, 2)])
     assert_array_equal(find_bodies(mesh)[mesh.of_render], np.repeat([1, 2], 4))

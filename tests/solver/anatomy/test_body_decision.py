@@ -1,12 +1,11 @@
 """Up, front and limbs of a person are found from the graph, in any coordinates, and as far as they are known."""
 
-from itertools import permutations, product
-
 import numpy as np
 import pytest
 
 from solver.anatomy.body_decision import ORIENTATION_MEASURES, decide, load_weights
 
+from ..shapes import TURNS
 from .bodies import person
 
 UP, FRONT = np.array([0.0, 1, 0]), np.array([0.0, 0, 1])
@@ -18,14 +17,6 @@ OTHERS = np.array([name not in ("up", "front") for name in ORIENTATION_MEASURES]
 
 WITHOUT_AXES = WEIGHTS | {"orientation": WEIGHTS["orientation"] * OTHERS}
 """Weights that do not know in which direction most files have up and front."""
-
-TURNS = [
-    np.array(signs)[:, None] * np.eye(3)[list(rows)]
-    for rows in permutations(range(3))
-    for signs in product((1, -1), repeat=3)
-]
-TURNS = [turn for turn in TURNS if np.linalg.det(turn) > 0]
-"""The 24 rotations of the axes."""
 
 
 def limbs(body, names):

@@ -11,32 +11,38 @@ from solver.anatomy.solid import fill
 from solver.anatomy.voted_limbs import VotedLimb
 from solver.surface.mesh import SolverMesh, weld
 
-from ..shapes import body_of, joined
+from ..shapes import body_of, capsules, joined
 
 IMAGE = np.array([-1.0, 1.0, 1.0])
 PERSON = ["trunk", "head", "left arm", "right arm", "left leg", "right leg"]
 FOUR_LEGGED = ["left hind leg", "right hind leg", "left front leg", "right front leg"]
 
-SHOULDER, ELBOW, HAND = (0.25, 1.45, 0.0), (0.55, 1.15, 0.0), (0.8, 0.85, 0.25)
-HIP, KNEE, ANKLE, TOES = (0.15, 0.85, 0.0), (0.17, 0.45, 0.05), (0.18, 0.08, 0.0), (0.18, 0.06, 0.22)
-
-
-def both(*limbs):
-    return [*limbs, *((tuple(IMAGE * start), tuple(IMAGE * end), radius) for start, end, radius in limbs)]
-
-
-BODY = [((0.0, 0.9, 0.0), (0.0, 1.35, 0.0), 0.18), ((0.0, 1.4, 0.0), (0.0, 1.6, 0.0), 0.07)]
-SKULL = ((0.0, 1.72, 0.0), (0.0, 1.76, 0.02), 0.13)
-ARM = [((0.1, 1.42, 0.0), SHOULDER, 0.09), (SHOULDER, ELBOW, 0.055), (ELBOW, HAND, 0.05)]
-LEG = [(HIP, KNEE, 0.08), (KNEE, ANKLE, 0.06), (ANKLE, TOES, 0.05)]
-FIGURE = [*BODY, SKULL, *both(*ARM, *LEG)]
-DOG = [
-    ((0.0, 1.0, -1.0), (0.0, 1.0, 1.0), 0.30),
-    ((0.0, 1.0, 1.0), (0.0, 1.7, 1.5), 0.16),
-    ((0.0, 1.7, 1.5), (0.0, 1.65, 1.9), 0.19),
-    *both(((0.2, 1.0, 0.9), (0.25, -0.2, 0.9), 0.12), ((0.2, 1.0, -0.9), (0.25, -0.2, -0.9), 0.12)),
-    ((0.0, 1.0, -1.0), (0.0, 1.5, -1.9), 0.09),
-]
+BODY = capsules("""
+0    0.9  0      0    1.35 0     0.18
+0    1.4  0      0    1.6  0     0.07
+0    1.72 0      0    1.76 0.02  0.13
+""")
+ARM = capsules("""
+0.1  1.42 0      0.25 1.45 0     0.09  *
+0.25 1.45 0      0.55 1.15 0     0.055 *
+0.55 1.15 0      0.8  0.85 0.25  0.05  *
+""")
+LEG = capsules("""
+0.15 0.85 0      0.17 0.45 0.05  0.08  *
+0.17 0.45 0.05   0.18 0.08 0     0.06  *
+0.18 0.08 0      0.18 0.06 0.22  0.05  *
+""")
+(SHOULDER, ELBOW), HAND = (ARM[number][0] for number in (2, 4)), ARM[4][1]
+(HIP, KNEE, ANKLE), TOES = (LEG[number][0] for number in (0, 2, 4)), LEG[4][1]
+FIGURE = [*BODY, *ARM, *LEG]
+DOG = capsules("""
+0    1    -1     0    1     1    0.3
+0    1     1     0    1.7   1.5  0.16
+0    1.7   1.5   0    1.65  1.9  0.19
+0.2  1     0.9   0.25 -0.2  0.9  0.12  *
+0.2  1    -0.9   0.25 -0.2 -0.9  0.12  *
+0    1    -1     0    1.5  -1.9  0.09
+""")
 
 
 @pytest.fixture(scope="module")
@@ -85,25 +91,27 @@ def test_joints_of_a_figure_are_where_it_was_made(person, whole):
 
 
 DOGS = ["trunk", "head", *FOUR_LEGGED, "tail"]
-WINGS = both(((0.1, 1.2, 0.2), (1.5, 2.4, -0.1), 0.1))
-STRIDE = [((0.15, 0.85, 0.0), (0.17, 0.1, 0.45), 0.07), ((-0.15, 0.85, 0.0), (-0.17, 0.1, -0.45), 0.07)]
-FISH = [
-    ((0.0, 1.0, -0.5), (0.0, 1.0, 0.7), 0.4),
-    ((0.0, 1.0, 0.7), (0.0, 1.0, 1.2), 0.2),
-    ((0.0, 1.0, -0.5), (0.0, 1.0, -1.4), 0.14),
-    ((0.0, 1.0, -1.4), (0.0, 1.45, -1.8), 0.07),
-    ((0.0, 1.0, -1.4), (0.0, 0.8, -1.65), 0.07),
-    *both(((0.3, 0.85, 0.4), (0.85, 0.5, 0.2), 0.07)),
-]
+WINGS = capsules("0.1 1.2 0.2  1.5 2.4 -0.1  0.1 *")
+STRIDE = capsules("""
+ 0.15 0.85 0   0.17 0.1  0.45  0.07
+-0.15 0.85 0  -0.17 0.1 -0.45  0.07
+""")
+FISH = capsules("""
+0    1   -0.5    0    1     0.7   0.4
+0    1    0.7    0    1     1.2   0.2
+0    1   -0.5    0    1    -1.4   0.14
+0    1   -1.4    0    1.45 -1.8   0.07
+0    1   -1.4    0    0.8  -1.65  0.07
+0.3  0.85 0.4    0.85 0.5   0.2   0.07 *
+""")
 TAPERING = [
     ((0.0, 1.0, -1.0 - 1.8 * share), (0.0, 1.0, -1.06 - 1.8 * share), 0.28 * (1 - share) + 0.02)
     for share in np.linspace(0.0, 1.0, 31)
 ]
 DOG_ENDS = {
-    "left hind leg": (0.25, -0.2, -0.9),
-    "right hind leg": (-0.25, -0.2, -0.9),
-    "left front leg": (0.25, -0.2, 0.9),
-    "right front leg": (-0.25, -0.2, 0.9),
+    f"{side} {row} leg": (x, -0.2, z)
+    for side, x in (("left", 0.25), ("right", -0.25))
+    for row, z in (("hind", -0.9), ("front", 0.9))
 }
 
 
@@ -117,17 +125,13 @@ DOG_ENDS = {
             [*DOGS[:-1], "left wing", "right wing", "tail"],
             {"left wing": (1.5, 2.4, -0.1), "right wing": (-1.5, 2.4, -0.1)} | DOG_ENDS,
         ),
-        (
-            [*BODY, SKULL, *both(*ARM), *STRIDE],
-            PERSON,
-            {"left leg": (0.17, 0.08, 0.47), "right leg": (-0.17, 0.08, -0.47)},
-        ),
+        ([*BODY, *ARM, *STRIDE], PERSON, {"left leg": (0.17, 0.08, 0.47), "right leg": (-0.17, 0.08, -0.47)}),
         (FISH, ["trunk", "head", "left wing", "right wing", "tail"], {"head": (0, 1, 1.4)}),
     ],
     ids=["dog", "tapering tail", "wings", "long stride", "fish, with its fins as wings"],
 )
 def test_limbs_of_a_shape_end_where_they_were_made(limbs, names, ends):
-    mesh = body_of(limbs, 0.05 if DOG[0] in limbs else 0.035)
+    mesh = body_of(limbs, 0.05 if limbs[0] is DOG[0] else 0.035)
     result = found(mesh)
     assert list(result) == names
     for name, end in ends.items():
@@ -141,9 +145,9 @@ EARS = {"left ear": (0.5, 2.3, 1.7), "right ear": (-0.5, 2.3, 1.7), "jaw": (0.0,
 @pytest.mark.parametrize(
     ("limbs", "ends", "within"),
     [
-        ([*DOG, *both(((0.1, 1.75, 1.6), (0.5, 2.3, 1.7), 0.06))], EARS, 0.1),
+        ([*DOG, *capsules("0.1 1.75 1.6  0.5 2.3 1.7  0.06 *")], EARS, 0.1),
         (
-            [*FIGURE, *both(((0.1, 1.2, -0.05), (1.0, 1.9, -0.5), 0.05))],
+            [*FIGURE, *capsules("0.1 1.2 -0.05  1 1.9 -0.5  0.05 *")],
             {"left arm": (1.0, 1.9, -0.5), "right arm": (-1.0, 1.9, -0.5)},
             0.1,
         ),
@@ -152,7 +156,7 @@ EARS = {"left ear": (0.5, 2.3, 1.7), "right ear": (-0.5, 2.3, 1.7), "jaw": (0.0,
     ids=["ears and a jaw", "a second pair of arms", "the head of a bird"],
 )
 def test_limbs_that_the_user_gives_take_precedence(limbs, ends, within):
-    mesh = body_of(limbs, 0.05 if DOG[0] in limbs else 0.035)
+    mesh = body_of(limbs, 0.05 if limbs[0] is DOG[0] else 0.035)
     result = found(mesh, ends={name: np.array(end) for name, end in ends.items()})
     for name, end in ends.items():
         assert_allclose(result[name][-1], end, atol=within)
@@ -162,7 +166,7 @@ def test_limbs_that_the_user_gives_take_precedence(limbs, ends, within):
 
 
 def test_arms_in_the_body_end_where_the_user_says():
-    body = [*BODY, SKULL, *both(*LEG), *both(((0.1, 1.35, 0.0), (0.12, 0.95, 0.0), 0.16))]
+    body = [*BODY, *LEG, *capsules("0.1 1.35 0  0.12 0.95 0  0.16 *")]
     hand = np.array([0.22, 0.95, 0.1])
     limbs = found(body_of(body), ends={"left arm": hand, "right arm": hand * IMAGE})
     arm = limbs["left arm"]
@@ -181,40 +185,50 @@ def test_a_limb_that_only_the_user_sees_goes_straight_from_the_trunk(person, who
     assert np.linalg.norm(np.cross(tail[0] - trunk[0], trunk[-1] - trunk[0])) < 0.02
 
 
-SLENDER = [(SHOULDER, (0.55, 1.43, 0.0), 0.045), ((0.55, 1.43, 0.0), (0.95, 1.4, 0.0), 0.026)]
-
-SLEEVE = [((0.1, 1.42, 0.0), (0.45, 1.43, 0.0), 0.09), ((0.45, 1.43, 0.0), (0.95, 1.4, 0.0), 0.035)]
-WIDE_FOOT = [((0.12, 0.9, 0.0), (0.28, 0.1, 0.0), 0.08), ((0.09, 0.06, 0.0), (0.5, 0.06, 0.0), 0.06)]
+SLENDER = capsules("""
+0.1  1.42 0     0.25 1.45 0     0.09  *
+0.25 1.45 0     0.55 1.43 0     0.045 *
+0.55 1.43 0     0.95 1.4  0     0.026 *
+""")
+SLEEVE = capsules("""
+0.1  1.42 0     0.45 1.43 0     0.09  *
+0.45 1.43 0     0.95 1.4  0     0.035 *
+""")
+WIDE_FOOT = capsules("""
+0.12 0.9  0     0.28 0.1  0     0.08  *
+0.09 0.06 0     0.5  0.06 0     0.06  *
+""")
 """A leg that ends in a block which is wider than long."""
 
-LOOSE_SHOES = [
-    *both((HIP, KNEE, 0.08), (KNEE, (0.18, 0.25, 0.0), 0.06), ((0.12, 0.06, -0.02), (0.18, 0.06, 0.22), 0.06)),
-    *(((-0.18, 0.25, 0.0), (-0.15, 0.06, 0.0), 0.06), ((-0.12, 0.06, 0.0), (0.12, 0.06, 0.0), 0.06)),
-]
+LOOSE_SHOES = LEG[:2] + capsules("""
+ 0.17 0.45 0.05   0.18 0.25 0     0.06  *
+ 0.12 0.06 -0.02  0.18 0.06 0.22  0.06  *
+-0.18 0.25 0     -0.15 0.06 0     0.06
+-0.12 0.06 0      0.12 0.06 0     0.06
+""")
+OUTSTRETCHED = (0.95, 1.4, 0.0)
 
 
 @pytest.mark.parametrize(
-    ("limbs", "feet", "hands"),
+    ("limbs", "foot", "hand"),
     [
-        ([*BODY, SKULL, *both(*ARM[:1], *SLENDER, *LEG)], [TOES, IMAGE * TOES], [(0.95, 1.4, 0.0), (-0.95, 1.4, 0.0)]),
-        ([*BODY, SKULL, *both(*SLEEVE, *LEG)], [TOES, IMAGE * TOES], [(0.95, 1.4, 0.0), (-0.95, 1.4, 0.0)]),
-        ([*BODY, SKULL, *both(*ARM), *LOOSE_SHOES], [TOES, IMAGE * TOES], None),
-        ([*BODY, SKULL, *both(*ARM, *WIDE_FOOT)], [(0.28, 0.0, 0.0), (-0.28, 0.0, 0.0)], None),
+        ([*SLENDER, *LEG], TOES, OUTSTRETCHED),
+        ([*SLEEVE, *LEG], TOES, OUTSTRETCHED),
+        ([*ARM, *LOOSE_SHOES], TOES, None),
+        ([*ARM, *WIDE_FOOT], (0.28, 0.0, 0.0), None),
     ],
     ids=["slender forearms", "forearms beyond wide sleeves", "shoes that touch", "wide feet"],
 )
-def test_legs_end_at_the_feet_and_arms_at_the_hands(limbs, feet, hands):
-    mesh = body_of(limbs, 0.02)
+def test_legs_end_at_the_feet_and_arms_at_the_hands(limbs, foot, hand):
+    mesh = body_of([*BODY, *limbs], 0.02)
     names = found(mesh)
     assert list(names) == PERSON
-    height = np.ptp(mesh.vertices[:, 1])
-    for limb, ends in (("leg", feet), ("arm", hands)):
-        for side, end in zip(("left", "right"), ends or (), strict=False):
-            assert np.linalg.norm(names[f"{side} {limb}"][-1] - end) < 0.08 * height, (side, limb)
+    tips = {"leg": {-1: foot}} | ({} if hand is None else {"arm": {-1: hand}})
+    assert_joints(names, np.ptp(mesh.vertices[:, 1]), tips, 0.08)
 
 
 def test_a_limb_that_is_not_found_is_reported():
-    limbs = find_limbs(body_of([((0.0, 0.0, 0.0), (0.0, 1e-6, 0.0), 1.0)], 0.1), np.eye(3))
+    limbs = find_limbs(body_of(capsules("0 0 0  0 1e-6 0  1"), 0.1), np.eye(3))
     assert list(limbs.points) == ["trunk", "head"]
     assert ["legs" in note for note in limbs.notes] == [True, False]
 
@@ -268,11 +282,11 @@ def test_parts_that_overlap_are_one_body(whole):
 def test_every_leg_of_a_body_with_many_is_a_limb_in_rows_from_the_front(pairs):
     rows = np.linspace(0.9, -0.9, pairs)
     knees, tips = ([np.array([x, y, far * z]) for z in rows] for x, y, far in ((0.8, 1.0, 1.0), (1.2, 0.05, 1.3)))
-    legs = [((0.25, 0.6, 0.6 * z), tuple(knee), 0.07) for z, knee in zip(rows, knees, strict=True)]
-    legs += [(tuple(knee), tuple(tip), 0.06) for knee, tip in zip(knees, tips, strict=True)]
-    body = [((0.0, 0.6, -0.8), (0.0, 0.6, 0.8), 0.3), ((0.0, 0.6, 0.8), (0.0, 0.65, 1.25), 0.2)]
+    legs = [(np.array([0.25, 0.6, 0.6 * z]), knee, 0.07) for z, knee in zip(rows, knees, strict=True)]
+    legs += [(knee, tip, 0.06) for knee, tip in zip(knees, tips, strict=True)]
+    legs += [(start * IMAGE, end * IMAGE, radius) for start, end, radius in legs]
 
-    limbs = found(body_of([*body, *both(*legs)]))
+    limbs = found(body_of([*capsules("0 0.6 -0.8  0 0.6 0.8  0.3\n0 0.6 0.8  0 0.65 1.25  0.2"), *legs]))
 
     for row, (knee, tip) in enumerate(zip(knees, tips, strict=True), 1):
         for side, image in (("left", 1), ("right", IMAGE)):

@@ -1,5 +1,4 @@
 from functools import cache
-from itertools import permutations, product
 
 import numpy as np
 import pytest
@@ -7,15 +6,7 @@ import pytest
 from solver.anatomy import orientation
 from solver.surface.mesh import SolverMesh
 
-from ..shapes import body_of, tube
-
-TURNS = [
-    turned
-    for order in permutations(range(3))
-    for signs in product((1, -1), repeat=3)
-    if np.linalg.det(turned := np.eye(3)[list(order)] * np.array(signs)) > 0
-]
-"""The 24 rotations by right angles, for row vectors."""
+from ..shapes import TURNS, body_of, capsules, tube
 
 STANDS = {
     "armadillo.obj": ("y", "z"),
@@ -93,18 +84,19 @@ def test_a_shape_that_says_nothing_keeps_the_convention_of_gltf(ball):
 
 
 def test_an_insect_stands_on_its_six_legs_also_in_the_air():
-    legs = [
-        ((side * start[0], *start[1:]), (side * end[0], *end[1:]), 0.03)
-        for side in (-1, 1)
-        for z, reach in ((0.3, 0.45), (0.1, 0.0), (-0.1, -0.45))
-        for start, end in (
-            ((0.1, 0.45, z), (0.55, 0.75, z + reach / 2)),
-            ((0.55, 0.75, z + reach / 2), (1.0, 0.03, z + reach)),
-        )
-    ]
-    body = [((0, 0.5, -0.9), (0, 0.5, -0.2), 0.22), ((0, 0.5, -0.1), (0, 0.5, 0.35), 0.17)]
-    head = ((0, 0.5, 0.55), (0, 0.5, 0.6), 0.16)
-    insect = body_of([*body, head, *legs])
+    insect = body_of(
+        capsules("""
+        0   0.5  -0.9   0    0.5  -0.2    0.22
+        0   0.5  -0.1   0    0.5   0.35   0.17
+        0   0.5   0.55  0    0.5   0.6    0.16
+        0.1 0.45  0.3   0.55 0.75  0.525  0.03 *
+        0.1 0.45  0.1   0.55 0.75  0.1    0.03 *
+        0.1 0.45 -0.1   0.55 0.75 -0.325  0.03 *
+        0.55 0.75  0.525 1   0.03  0.75   0.03 *
+        0.55 0.75  0.1   1   0.03  0.1    0.03 *
+        0.55 0.75 -0.325 1   0.03 -0.55   0.03 *
+        """)
+    )
     for ground in (0.0, 0.5):
         up = [0, ground - insect.vertices[:, 1].min(), 0]
         found = orientation.propose(changed(insect, insect.vertices + up))

@@ -15,29 +15,40 @@ def pose(creature, creature_model, creature_handles):
     return deformer.solve(deformer.handles + np.random.default_rng(0).normal(scale=0.2, size=creature_handles.shape))
 
 
-def any_normals(count):
-    normals = np.random.default_rng(1).normal(size=(count, 3))
+@pytest.fixture(scope="module")
+def controls(creature_model, pose):
+    return to_file_units(pose, creature_model)
+
+
+@pytest.fixture(scope="module")
+def normals(creature):
+    """Any normals of the creature."""
+    normals = np.random.default_rng(1).normal(size=creature.vertices.shape)
     return normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
 
-def test_rest_controls_leave_vertices_and_normals_and_are_written_where_they_are_wanted(creature, creature_model):
-    n = len(creature.vertices)
-    binding = ShadedBinding(creature_model, creature.vertices, np.arange(n), any_normals(n), creature.faces)
+@pytest.fixture(scope="module")
+def shaded(creature, creature_model, normals):
+    return ShadedBinding(creature_model, creature.vertices, np.arange(len(normals)), normals, creature.faces)
+
+
+def test_rest_controls_leave_vertices_and_normals_and_are_written_where_they_are_wanted(
+    creature, creature_model, shaded, normals
+):
     controls = to_file_units(creature_model.rest_controls, creature_model)
-    own = np.zeros((n, 3), dtype=np.float32), np.zeros((n, 3), dtype=np.float32)
+    own = tuple(np.zeros((2, *normals.shape), dtype=np.float32))
     for wanted in ((), own):
-        positions, normals = binding.vertices_and_normals(controls, *wanted)
-        assert_allclose(positions, creature.vertices, rtol=0, atol=1e-6 * creature.diagonal)
-        assert_allclose(binding.vertices(controls), creature.vertices, rtol=0, atol=1e-6 * creature.diagonal)
-        assert_allclose(normals, any_normals(n), atol=1e-5)
-    assert (positions is own[0], normals is own[1]) == (True, True)
-    assert binding.vertices(controls, own[0]) is own[0]
+        positions, found = shaded.vertices_and_normals(controls, *wanted)
+        for each in (positions, shaded.vertices(controls)):
+            assert_allclose(each, creature.vertices, rtol=0, atol=1e-6 * creature.diagonal)
+        assert_allclose(found, normals, atol=1e-5)
+    assert (positions is own[0], found is own[1]) == (True, True)
+    assert shaded.vertices(controls, own[0]) is own[0]
 
 
-def test_vertices_are_the_blend_of_those_that_they_follow(creature, creature_model, pose, surface):
+def test_vertices_are_the_blend_of_those_that_they_follow(creature, creature_model, pose, controls, surface):
     follows = np.random.default_rng(1).integers(0, len(creature.vertices), 400)
     binding = Binding(creature_model, creature.vertices[follows], follows)
-    controls = to_file_units(pose, creature_model)
     found = binding.vertices(controls)
     assert found.dtype == np.float32
     expected = surface(creature_model, creature, pose)[follows]
@@ -66,16 +77,12 @@ def test_normals_are_those_of_the_deformed_surface(figure, figure_model):
     assert np.percentile(angles, 99) < 2
 
 
-def test_a_part_moves_as_it_does_in_the_whole(creature, creature_model, pose):
-    n = len(creature.vertices)
-    controls = to_file_units(pose, creature_model)
+def test_a_part_moves_as_it_does_in_the_whole(shaded, controls):
     chosen = np.array([5, 3, 300, 41])
-    binding = ShadedBinding(creature_model, creature.vertices, np.arange(n), any_normals(n), creature.faces)
-    part = binding.only(chosen)
-    assert_array_equal(part.vertices(controls), binding.vertices(controls)[chosen])
-    for found, whole in zip(part.vertices_and_normals(controls), binding.vertices_and_normals(controls), strict=True):
+    part = shaded.only(chosen)
+    assert_array_equal(part.vertices(controls), shaded.vertices(controls)[chosen])
+    for found, whole in zip(part.vertices_and_normals(controls), shaded.vertices_and_normals(controls), strict=True):
         assert_array_equal(found, whole[chosen])
-    assert len(binding.rest) == n
 
 
 def test_one_binding_serves_several_threads(creature, creature_model, pose):
@@ -90,9 +97,5 @@ def test_one_binding_serves_several_threads(creature, creature_model, pose):
         assert all(pool.map(play, range(2)))
 
 
-def test_a_normal_of_a_surface_squashed_to_a_line_is_zero_and_not_nan(creature, creature_model, pose):
-    n = len(creature.vertices)
-    binding = ShadedBinding(creature_model, creature.vertices, np.arange(n), any_normals(n), creature.faces)
-    controls = to_file_units(pose, creature_model)
-    controls[:, 1:] = 0
-    assert_array_equal(binding.vertices_and_normals(controls)[1], 0.0)
+def test_a_normal_of_a_surface_squashed_to_a_line_is_zero_and_not_nan(shaded, controls):
+    assert_array_equal(shaded.vertices_and_normals(controls * (np.arange(3) == 0)[:, None])[1], 0.0)

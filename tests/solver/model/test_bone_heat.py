@@ -7,7 +7,7 @@ from solver.model.bones import Bones, bone_regions
 from solver.surface.contacts import contacts
 from solver.surface.mesh import SolverMesh
 
-from ..shapes import joined, tube
+from ..shapes import joined, points, tube
 
 
 def limb(length=2.0, radius=0.15, beside=0.0):
@@ -33,8 +33,7 @@ def shares_of(mesh, bones):
 @pytest.fixture(scope="module")
 def arm():
     """A tube with two bones that meet in its middle."""
-    heads, tails = np.array([[-1.0, 0, 0], [0, 0, 0]]), np.array([[0, 0, 0], [1.0, 0, 0]])
-    return mesh_of(limb()), Bones(heads, tails, np.array([-1, 0]), np.array([0, 0]))
+    return mesh_of(limb()), Bones(points("-1 0 0, 0 0 0"), points("0 0 0, 1 0 0"), np.array([-1, 0]), np.array([0, 0]))
 
 
 def test_two_bones_share_their_joint_equally_and_the_far_ends_are_each_ones_own(arm):
@@ -50,7 +49,7 @@ def test_two_bones_share_their_joint_equally_and_the_far_ends_are_each_ones_own(
 
 def test_a_bone_of_another_tube_has_no_share_however_near_it_is():
     mesh = mesh_of(limb(), limb(beside=0.45))
-    heads, tails = np.array([[-0.9, 0, 0], [-0.9, 0.45, 0]]), np.array([[0.9, 0, 0], [0.9, 0.45, 0]])
+    heads, tails = points("-0.9 0 0, -0.9 0.45 0"), points("0.9 0 0, 0.9 0.45 0")
 
     shares = shares_of(mesh, Bones(heads, tails, np.array([-1, -1]), np.array([0, 1])))
 
@@ -65,8 +64,7 @@ def stuck():
     body, arm = limb(1.2, 0.5), limb(1.2, 0.12)
     body_vertices, arm_vertices = body[0][:, [1, 0, 2]], arm[0] + [0.9, 0.3, 0]  # upright, with the arm at its side
     mesh = mesh_of((body_vertices, body[1][:, ::-1]), (arm_vertices, arm[1]))
-    heads = np.array([[0, -0.5, 0], [0.45, 0.3, 0], [0.75, 0.3, 0]])
-    tails = np.array([[0, 0.5, 0], [0.75, 0.3, 0], [1.4, 0.3, 0]])
+    heads, tails = points("0 -0.5 0, 0.45 0.3 0, 0.75 0.3 0"), points("0 0.5 0, 0.75 0.3 0, 1.4 0.3 0")
     return mesh, Bones(heads, tails, np.array([-1, 0, 1]), np.array([-1, 0, 0])), arm_vertices
 
 

@@ -7,9 +7,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from solver.model.bones import Bones, bone_regions
 from solver.surface.mesh import SolverMesh, weld
 
-from ..shapes import chains, joined, march, sphere, tube
+from ..shapes import capsules, chains, joined, march, points, sphere, tube
 
-ARM = (np.array([0.0, 1.1, 0.0]), np.array([1.4, 1.3, 0.0]))
+ARM = points("0 1.1 0, 1.4 1.3 0")
 """The axis of the figure's left arm."""
 
 
@@ -20,18 +20,10 @@ def along(points, head, tail):
 @pytest.fixture(scope="module")
 def skeleton():
     """The figure's: pelvis, chest and head, then upper arm, forearm and hand, thigh and shin of both sides."""
-    shoulder, tip = ARM[0] + 0.25 * (ARM[1] - ARM[0]), ARM[1]
-    arm = [shoulder + share * (tip - shoulder) for share in (0.0, 0.4, 0.8, 1.0)]
-    leg = [np.array([0.0, 0.0, 0.0]) + share * np.array([0.6, -1.5, 0.1]) for share in (0.25, 0.6, 1.0)]
-    mirror = np.array([-1.0, 1.0, 1.0])
-    return chains(
-        (-1, [[0, 0, 0], [0, 0.6, 0], [0, 1.2, 0]]),
-        (1, [[0, 1.2, 0], [0, 1.9, 0.2]]),
-        (1, arm),
-        (1, [point * mirror for point in arm]),
-        (0, leg),
-        (0, [point * mirror for point in leg]),
-    )
+    arm = ARM[0] + np.outer([0.25, 0.55, 0.85, 1.0], ARM[1] - ARM[0])
+    leg, mirror = np.outer([0.25, 0.6, 1.0], [0.6, -1.5, 0.1]), [-1, 1, 1]
+    middle = (-1, "0 0 0, 0 0.6 0, 0 1.2 0"), (1, "0 1.2 0, 0 1.9 0.2")
+    return chains(*middle, (1, arm), (1, arm * mirror), (0, leg), (0, leg * mirror))
 
 
 @pytest.fixture(scope="module")
@@ -80,18 +72,18 @@ def test_without_a_trunk_nobody_owns_it(figure, skeleton):
 @pytest.fixture(scope="module")
 def skirted():
     """A trunk with a skirt, and an arm whose hand hangs beside the hem."""
-    capsules = [
-        ((0.0, 0.0, 0.0), (0.0, 2.0, 0.0), 0.25),
-        ((0.0, 0.5, 0.0), (0.45, 0.3, 0.0), 0.13),
-        ((0.0, 2.0, 0.0), (0.8, 2.0, 0.0), 0.12),
-        ((0.8, 2.0, 0.0), (0.8, 0.2, 0.0), 0.12),
-    ]
-    return weld(*march(capsules, (-0.4, -0.4, -0.4), (1.1, 2.4, 0.4), 0.04))
+    limbs = capsules("""
+    0   0   0   0    2   0   0.25
+    0   0.5 0   0.45 0.3 0   0.13
+    0   2   0   0.8  2   0   0.12
+    0.8 2   0   0.8  0.2 0   0.12
+    """)
+    return weld(*march(limbs, (-0.4, -0.4, -0.4), (1.1, 2.4, 0.4), 0.04))
 
 
 def test_a_hem_beside_a_hand_is_not_the_hands(skirted):
     """In space, most of the hem is nearer to the hand's bone than to the trunk's."""
-    bones = chains((-1, [[0, 0, 0], [0, 2, 0]]), (0, [[0.8, 1.9, 0], [0.8, 1.1, 0], [0.8, 0.5, 0], [0.8, 0.2, 0]]))
+    bones = chains((-1, "0 0 0, 0 2 0"), (0, "0.8 1.9 0, 0.8 1.1 0, 0.8 0.5 0, 0.8 0.2 0"))
     v = skirted.vertices
     hem = (v[:, 0] > 0.45) & (v[:, 0] < 0.62) & (v[:, 1] < 0.6)
     to_hand = np.linalg.norm((v - [0.8, 0, 0])[:, [0, 2]], axis=1)
@@ -107,7 +99,7 @@ def test_a_hem_beside_a_hand_is_not_the_hands(skirted):
 
 
 def test_a_bone_beside_the_mesh_takes_the_nearest_vertex(figure):
-    regions = bone_regions(figure, chains((-1, [[5.0, 1.0, 0.0], [5.0, 1.5, 0.0]])))
+    regions = bone_regions(figure, chains((-1, "5 1 0, 5 1.5 0")))
     nearest = np.argmin(np.linalg.norm(figure.vertices - [5.0, 1.25, 0.0], axis=1))
     assert regions.owner[nearest] == 0
     assert regions.held[nearest]
@@ -118,8 +110,8 @@ def test_a_bone_beside_the_mesh_takes_the_nearest_vertex(figure):
 
 def test_a_part_that_touches_follows_the_bone_that_it_touches(two_parts):
     """The cube beside the right hand is tied to it across a gap, and belongs to its bone."""
-    arm = [ARM[0] + share * (ARM[1] - ARM[0]) for share in (0.25, 0.6, 1.0)]
-    regions = bone_regions(two_parts, chains((-1, [[0, 0, 0], [0, 1.2, 0]]), (0, arm)))
+    arm = ARM[0] + np.outer([0.25, 0.6, 1.0], ARM[1] - ARM[0])
+    regions = bone_regions(two_parts, chains((-1, "0 0 0, 0 1.2 0"), (0, arm)))
     cube = np.arange(len(two_parts.vertices) - 8, len(two_parts.vertices))
     assert np.all(regions.owner[cube] == 2)
     assert regions.held[cube].all()
@@ -129,11 +121,11 @@ def test_a_part_is_a_limb_if_it_is_so_for_the_most_part_and_is_held_by_the_bone_
     """A ball, and a separate arm from x = 3 inside it to x = 21."""
     mesh = weld(*joined(sphere(2, 6), tube(np.arange(3.0, 22.0, 2.0), 1.4, 4, closed=True)))
     of_arm = mesh.components == mesh.components[np.argmax(mesh.vertices[:, 0])]
-    body, x = (-1, [[0, -5, 0], [0, 5, 0]]), mesh.vertices[of_arm, 0]
-    owner = bone_regions(mesh, chains(body, (0, [[6, 0, 0], [13, 0, 0], [21, 0, 0]]))).owner
+    body, x = (-1, "0 -5 0, 0 5 0"), mesh.vertices[of_arm, 0]
+    owner = bone_regions(mesh, chains(body, (0, "6 0 0, 13 0 0, 21 0 0"))).owner
     assert_array_equal(owner[of_arm], np.where(x <= 13, 1, 2))
     assert np.all(owner[~of_arm] != 2)
-    regions = bone_regions(mesh, chains(body, (0, [[6, 0, 0], [18, 0, 0], [24, 0, 0]])))
+    regions = bone_regions(mesh, chains(body, (0, "6 0 0, 18 0 0, 24 0 0")))
     assert np.all(regions.owner[of_arm] == 1)
     assert regions.held[of_arm].all()
 
@@ -141,7 +133,5 @@ def test_a_part_is_a_limb_if_it_is_so_for_the_most_part_and_is_held_by_the_bone_
 def test_a_bone_around_whose_middle_there_is_no_vertex_owns_what_it_has():
     """A long box whose vertices are all at its ends and its elbow."""
     vertices, faces = tube(np.array([0.0, 10.0, 20.0]), 1.4, 4, closed=True)
-    regions = bone_regions(
-        SolverMesh(vertices, faces, np.arange(12)), chains((-1, [[0, 0, 0], [10, 0, 0], [20, 0, 0]]))
-    )
+    regions = bone_regions(SolverMesh(vertices, faces, np.arange(12)), chains((-1, "0 0 0, 10 0 0, 20 0 0")))
     assert_array_equal(regions.owner[[0, 1, 2, 3, 8, 9, 10, 11]], [0] * 4 + [1] * 4)

@@ -11,7 +11,7 @@ from solver.motion.deformer import Deformer
 from solver.surface.contacts import contacts
 from solver.surface.mesh import SolverMesh
 
-from ..shapes import box, chains, joined, sphere
+from ..shapes import box, chains, joined, points, sphere
 
 
 def modes_of(mesh, count=8):
@@ -139,15 +139,15 @@ def test_weights_are_those_of_equations_2_and_3(creature):
 
 def test_scale_place_and_order_of_the_vertices_do_not_show_in_the_deformation(creature, creature_handles, turn):
     """Of a character with a part beside it and one that touches it, by bones and handles."""
-    beside, touching = box([1.2, 0.9, 0.1], [1.5, 1.2, 0.4]), box([-1.1, 0.9, -0.5], [-0.9, 1.2, -0.3], 0.1)
+    beside, touching = box("1.2 0.9 0.1, 1.5 1.2 0.4"), box("-1.1 0.9 -0.5, -0.9 1.2 -0.3", 0.1)
     vertices, faces = joined((creature.vertices, creature.faces), beside, touching)
     order, place = np.random.default_rng(3).permutation(len(vertices)), np.array([-3.0, 6.0, -1.5])
-    points, leg = [[-1.2, 0, 0], [0, 0.2, 0], [0.9, 0.9, 0.2]], [[0.05, -0.2, 0.07], [0.2, -1.1, 0.3]]
+    trunk, leg = points("-1.2 0 0, 0 0.2 0, 0.9 0.9 0.2"), points("0.05 -0.2 0.07, 0.2 -1.1 0.3")
     targets, turns = motion(creature_handles), np.stack([turn(bone, 20) for bone in range(3)])
     found = []
     for scale, way, arranged in ((1.0, 0 * place, np.arange(len(order))), (0.01, place, order)):
         mesh = SolverMesh(scale * vertices[arranged] + way, np.argsort(arranged)[faces], np.arange(len(order)))
-        bones = chains((-1, scale * np.array(points) + way), (0, scale * np.array(leg) + way))
+        bones = chains((-1, scale * trunk + way), (0, scale * leg + way))
         offsets = bones.heads - np.einsum("bi,bij->bj", bones.heads, turns)
         motions = np.concatenate([turns, offsets[:, None]], axis=1)
         moved = deformed(mesh, scale * creature_handles + way, scale * targets + way, bones, motions)

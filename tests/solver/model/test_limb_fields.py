@@ -12,16 +12,16 @@ from solver.model.limb_fields import BLUR_DIAGONALS, contacts_that_hold, limb_fi
 from solver.model.reduced_model import ModelParameters, build
 from solver.surface.contacts import Contacts, contacts
 
-from ..shapes import chains
+from ..shapes import chains, points
 
-TRUNK = -1, [[0, 0, 0], [0, 1.2, 0]]
-ARM = [[0.35, 1.15, 0.0], [0.7, 1.2, 0.0], [1.05, 1.25, 0.0], [1.4, 1.3, 0.0]]
+TRUNK = -1, "0 0 0, 0 1.2 0"
+ARM = points("0.35 1.15 0, 0.7 1.2 0, 1.05 1.25 0, 1.4 1.3 0")
 
 
 @pytest.fixture(scope="module")
 def both_arms():
     """The figure's trunk, and its arms in three bones each."""
-    return chains(TRUNK, (0, ARM), (0, np.array(ARM) * [-1, 1, 1]))
+    return chains(TRUNK, (0, ARM), (0, ARM * [-1, 1, 1]))
 
 
 def made(mesh, bones, count, regions=None, shares=None):
@@ -67,7 +67,7 @@ def test_by_a_skin_a_field_is_the_mean_over_the_bones_of_each_vertex(figure, bot
 def test_contacts_hold_within_a_bone_and_by_a_skin_only_there(two_parts):
     """The cube is tied to the right hand: to a hand of its own bone, to the hand as its neighbour, to a stranger."""
     ties = contacts(two_parts)
-    bones = chains(TRUNK, (0, np.array(ARM) * [-1, 1, 1]))
+    bones = chains(TRUNK, (0, ARM * [-1, 1, 1]))
     cube = np.arange(len(two_parts.vertices)) >= len(two_parts.vertices) - 8
     for owner, neighbours, skinned in ((3, True, True), (2, True, False), (1, False, False), (-1, True, True)):
         regions = BoneRegions(np.where(cube, owner, 3), np.ones(len(cube), dtype=bool))
@@ -77,8 +77,8 @@ def test_contacts_hold_within_a_bone_and_by_a_skin_only_there(two_parts):
 
 def test_an_arm_that_is_sewn_to_the_trunk_stays_there_and_one_that_is_stuck_into_it_turns():
     trunk, upper_arm, forearm = 0, 1, 2
-    bones = chains((-1, [[0, 0, 0], [0, 1, 0]]), (trunk, [[0, 1, 0], [1, 1, 0], [2, 1, 0]]))
-    rest = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.3, 0.3, 0.0], [0.3, 0.3, 0.003]])
+    bones = chains((-1, "0 0 0, 0 1 0"), (trunk, "0 1 0, 1 1 0, 2 1 0"))
+    rest = points("0 0 0, 1 0 0, 0 1 0, 0.3 0.3 0, 0.3 0.3 0.003")
     ties = Contacts(np.array([3, 4]), np.array([[0, 1, 2]] * 2), np.array([[0.4, 0.3, 0.3]] * 2), np.zeros(2))
     for here, there, expected in (
         (trunk, upper_arm, [True, False]),

@@ -3,11 +3,7 @@ import pytest
 
 from solver.model.stretch import BIN_WIDTH, MAX_STRETCH, EdgeStretch
 
-
-def stretches(mesh, positions):
-    a, b = mesh.edges.T
-    rest = np.linalg.norm(mesh.vertices[a] - mesh.vertices[b], axis=1)
-    return np.linalg.norm(positions[a].astype(np.float64) - positions[b], axis=1) / rest
+from ..shapes import stretches
 
 
 def test_percentiles_are_those_of_all_edges_in_all_frames(creature):

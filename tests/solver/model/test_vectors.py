@@ -23,9 +23,3 @@ def test_a_direction_has_length_one_and_its_perpendicular_a_right_angle(vectors,
 @pytest.mark.parametrize("short", [(0.0, 0.0, 0.0), (0.0, 1e-12, 0.0), (np.nan, 1.0, 0.0)], ids=str)
 def test_a_vector_that_is_too_short_or_unknown_has_no_direction(vectors, short):
     assert vectors.unit(short) == (0.0, 0.0, 0.0)
-
-
-def test_a_perpendicular_is_computed_from_the_smallest_coordinate(vectors):
-    assert vectors.perpendicular((0.0, 3.0, 4.0)) == pytest.approx((0.0, 0.8, -0.6))
-    assert vectors.perpendicular((3.0, 0.0, 4.0)) == pytest.approx((-0.8, 0.0, 0.6))
-    assert vectors.perpendicular((3.0, 4.0, 0.0)) == pytest.approx((0.8, -0.6, 0.0))

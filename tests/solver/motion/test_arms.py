@@ -6,6 +6,7 @@ from scipy.spatial.transform import Rotation
 from solver.motion.arms import Arm, Arms
 from solver.motion.limb_motion import LimbMotion
 
+from ..shapes import assert_joined, moved
 from .test_limb_motion import AT, SIDES, TICK, TRACKED, body, character, with_arms
 
 BODY = body(0.5, 0.18, 0.1, 0.28, 0.26, 0.08, [1, 0, 0])
@@ -37,12 +38,8 @@ def play(poses, free=False, **settings):
         if not free:
             arms.step(k * TICK, pose, TRACKED, motions)
         found.append(motions)
-    tips = [[apply(T[bones[-1]], BONES.tails[bones[-1]]) for bones in ARMS] for T in found]
+    tips = [moved(BONES.tails, T)[[bones[-1] for bones in ARMS]] for T in found]
     return np.array(found), np.array(tips)
-
-
-def apply(T, point):
-    return point @ T[:3] + T[3]
 
 
 def test_hands_meet_where_the_performers_meet_and_arms_keep_their_lengths_and_stay_joined():
@@ -54,8 +51,7 @@ def test_hands_meet_where_the_performers_meet_and_arms_keep_their_lengths_and_st
     motions, tips = (each[0] for each in play([together]))
     assert_allclose(tips[0] - tips[1], METRE * gap, atol=0.02)
     assert_allclose(motions[:, :3] @ motions[:, :3].transpose(0, 2, 1), np.tile(np.eye(3), (15, 1, 1)), atol=1e-12)
-    for T, head, parent in zip(motions[1:], BONES.heads[1:], BONES.parents[1:], strict=True):
-        assert_allclose(apply(T, head), apply(motions[parent], head), atol=1e-12)
+    assert_joined(BONES, motions)
 
 
 def test_hands_that_do_not_come_together_or_need_not_are_left_alone():

@@ -7,6 +7,8 @@ from solver.motion.feet import MAX_HOLD_METRES, SLACK_METRES, Feet, Leg
 from solver.motion.limb_motion import LimbMotion
 from solver.motion.limbs import Limb, Performer
 
+from ..shapes import assert_joined, moved
+
 TICK = 1 / 30
 HIPS, LEFT, RIGHT = [0, 1], [0, 2, 4, 6], [1, 3, 5, 7]  # hip, knee, ankle and foot on either side
 SIDES = Performer((0, 1), (0, 1), np.array([1, 0, 3, 2, 5, 4, 7, 6]))
@@ -42,9 +44,9 @@ class Puppet:
     def joints(self, motions):
         """Return where hips, knees, ankles and tips are (8, 3)."""
         places, bones = np.empty((8, 3)), self.motion.bones
+        heads, tails = moved(bones.heads, motions), moved(bones.tails, motions)
         for chain, first in ((LEFT, 0), (RIGHT, 3)):
-            places[chain[0]] = apply(motions[first], bones.heads[first])
-            places[chain[1:]] = [apply(motions[bone], bones.tails[bone]) for bone in range(first, first + 3)]
+            places[chain] = [heads[first], *tails[first : first + 3]]
         return places
 
     def play(self, poses, confidence=SEEN, start=0):
@@ -57,10 +59,6 @@ class Puppet:
             self.feet.step(k * TICK, pose, confidence, motions, root)
             frames.append(((self.joints(motions) + root) @ AXES.T, free @ AXES.T, root @ AXES.T, self.feet.held.copy()))
         return tuple(np.array(each) for each in zip(*frames, strict=True))
-
-
-def apply(T, point):
-    return point @ T[:3] + T[3]
 
 
 def bent(hips, left, right):
@@ -169,13 +167,12 @@ def on_a_pelvis(pose, frames=1, lean=0.0):
 @pytest.mark.parametrize("side", [-1, 1])
 def test_the_pelvis_tilts_so_that_both_legs_of_a_performer_who_leans_point_as_they_do_and_stand(side):
     bones, motions, root, as_performed = on_a_pelvis(CHARACTER, 90, side * 0.1)  # by 11°
-    ankles = np.array([apply(motions[shin], bones.tails[shin]) for shin in (3, 6)]) + root
+    ankles = moved(bones.tails, motions)[[3, 6]] + root
     assert_allclose(ankles[:, 1], CHARACTER[4, 1], atol=1e-6)
     assert_allclose(motions[[1, 2, 3, 5, 6], :3], as_performed[[1, 2, 3, 5, 6], :3], atol=1e-6)
     assert np.degrees(np.arcsin(abs(as_performed[0, 0, 1]))) > 10
     assert_allclose(motions[0, 0, 1], 0, atol=1e-6)
-    for bone, (parent, head) in enumerate(zip(bones.parents[1:], bones.heads[1:], strict=True), 1):
-        assert_allclose(apply(motions[bone], head), apply(motions[parent], head), atol=1e-12)
+    assert_joined(bones, motions)
 
 
 def test_hips_at_one_place_do_not_tilt():
@@ -196,12 +193,12 @@ def test_bones_below_a_foot_move_with_it(walked):
     spur = Limb("spur", np.array([[0.3, 0.2, -0.02], [0.3, 0.2, -0.2]]), ((4,), (4,)), parent="left")
     motion = LimbMotion([*both_legs(CHARACTER), spur], SIDES, PERFORMER)
     feet = Feet(motion.bones, [Leg(0, 1, 2, 4), Leg(3, 4, 5, 5)], METRE)
-    on, head = motion.bones.parents[6], motion.bones.heads[6]
+    on = motion.bones.parents[6]
     for k, pose in enumerate(walked[0]):
         motions, root = motion.step(k * TICK, pose, SEEN), np.zeros(3)
         against = Rotation.from_matrix(motions[on, :3].T @ motions[6, :3])
         feet.step(k * TICK, pose, SEEN, motions, root)
-        assert_allclose(apply(motions[6], head), apply(motions[on], head), atol=1e-12)
+        assert_joined(motion.bones, motions)
         assert_allclose(motions[on, :3].T @ motions[6, :3], against.as_matrix(), atol=1e-12)
 
 

@@ -6,6 +6,8 @@ from scipy.spatial.transform import Rotation
 
 from solver.motion.limbs import Limb, bones_of
 
+from ..shapes import assert_joined, moved
+
 TRUNK = Limb("trunk", np.array([[0, 1.0, 0], [0, 1.0, 1.0]]), ((0,), (1,)))
 TAIL = Limb("tail", np.array([[0, 1.0, 0], [0, 1, -1.0], [0, 1, -2.0]]), ((0,), (1,), (1,)), "turn", parent="trunk")
 LIMBS = TRUNK, TAIL
@@ -34,8 +36,7 @@ def pitched(degrees, about=(1.0, 0, 0)):
 
 def heights(T, root):
     """Heights of the points around the tail."""
-    turned = np.einsum("px,pxy->py", VERTICES[:-1], T[OWNER[:-1], :3]) + T[OWNER[:-1], 3]
-    return turned[:, 1] + root[1]
+    return moved(VERTICES[:-1], T[OWNER[:-1]])[:, 1] + root[1]
 
 
 @pytest.fixture(scope="module")
@@ -69,9 +70,7 @@ def test_a_tail_lies_on_the_floor_and_stays_joined(lifted, degrees, sink):
     outer = VERTICES[:-1, 2] <= -1
     assert heights(now, root)[outer].min() == pytest.approx(0, abs=0.02)
     assert np.array_equal(now[0], T[0])
-    for parent, bone in ((0, 1), (1, 2)):
-        head = BONES.heads[bone]
-        assert head @ now[parent, :3] + now[parent, 3] == pytest.approx(head @ now[bone, :3] + now[bone, 3])
+    assert_joined(BONES, now)
 
 
 def test_a_bone_that_hangs_is_lifted_by_the_least_angle_to_behind_the_body(lifted):

@@ -6,6 +6,8 @@ from scipy.spatial.transform import Rotation
 
 from solver.motion.limbs import Limb, bones_of
 
+from ..shapes import assert_joined
+
 DELAY = 0.3
 TRUNK = Limb("trunk", np.array([[0, 1.0, 0], [0, 1.0, 1.0]]), ((0,), (1,)))
 TAIL = Limb(
@@ -72,9 +74,7 @@ def test_bones_of_a_tail_stay_joined_to_each_other_and_to_the_body(play):
     _, motions = play(np.sin(np.arange(100) / 9))
 
     for T in motions:
-        for parent, bone in ((0, 1), (1, 2)):
-            head = BONES.heads[bone]
-            assert np.allclose(head @ T[parent, :3] + T[parent, 3], head @ T[bone, :3] + T[bone, 3])
+        assert_joined(BONES, T)
 
 
 def test_a_tail_swings_back_when_the_body_starts_sideways(play):

@@ -51,29 +51,26 @@ def test_a_smooth_step_goes_from_0_to_1_between_its_limits_and_is_steepest_in_th
 
 
 def test_hips_and_shoulders_point_from_right_to_left_unless_they_are_too_narrow_or_unknown(module):
-    assert module._hips_and_shoulders(PAIRS, STANDING) == ((1.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+    left, unknown = (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     narrow = STANDING * [0.29, 1.0, 1.0]  # 0.116 and 0.232 of the trunk's length
-    assert module._hips_and_shoulders(PAIRS, narrow) == ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    lost = STANDING.copy()
-    lost[RIGHT_HIP] = np.nan
-    assert module._hips_and_shoulders(PAIRS, lost) == ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+    lost = np.where((np.arange(5) == RIGHT_HIP)[:, None], np.nan, STANDING)
+    for body, expected in ((STANDING, (left, left)), (narrow, (unknown, unknown)), (lost, (unknown, left))):
+        assert module._hips_and_shoulders(PAIRS, body) == expected
 
 
 def test_directions_are_those_of_the_joints_and_zero_where_a_joint_is_lost(module, plan, state):
-    orientations = np.full((5, 4), np.nan)
-    directions, weight, sides, turns = module.observed(plan, state, 0.0, STANDING, TRACKED, orientations)
+    def observed(body, confidence=TRACKED):
+        return module.observed(plan, state, 0.0, body, confidence, np.full((5, 4), np.nan))
+
+    directions, weight, sides, turns = observed(STANDING)
     assert_allclose(directions, [[0, 1, 0], [1, 0, 0]])
     assert weight == 1.0
     assert_allclose(sides, [[1, 0, 0], [0, 0, 0]])  # the arm's roll follows no sides
     assert np.isnan(turns).all()
-    confidence = TRACKED.copy()
-    confidence[HAND] = 0.0
-    directions = module.observed(plan, state, 0.1, STANDING, confidence, orientations)[0]
-    assert_allclose(directions, [[0, 1, 0], [0, 0, 0]])
+    assert_allclose(observed(STANDING, TRACKED * (np.arange(5) != HAND))[0], [[0, 1, 0], [0, 0, 0]])
     leaning = STANDING.copy()
     leaning[LEFT_SHOULDER] += [0.2, 0.0, 0.4]
-    directions = module.observed(plan, state, 0.2, leaning, TRACKED, orientations)[0]
-    assert_allclose(directions, [np.array([0.1, 0.5, 0.2]) / math.sqrt(0.3), [0.6, 0, -0.8]])
+    assert_allclose(observed(leaning)[0], [np.array([0.1, 0.5, 0.2]) / math.sqrt(0.3), [0.6, 0, -0.8]])
 
 
 def test_left_and_right_that_a_sensor_exchanges_in_an_instant_are_exchanged_back_for_a_while(module, plan, state):

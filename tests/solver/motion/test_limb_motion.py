@@ -10,6 +10,8 @@ from capture.skeleton import OPPOSITE
 from solver.motion.limb_motion import LimbMotion
 from solver.motion.limbs import Limb, Performer, bones_of, parents_first
 
+from ..shapes import assert_joined, moved
+
 SIDES = Performer((AT["hip_left"], AT["hip_right"]), (AT["shoulder_left"], AT["shoulder_right"]), OPPOSITE)
 TRACKED = np.ones(len(AT), dtype=np.float32)
 TICK = 1 / 30
@@ -54,10 +56,6 @@ def in_t_pose():
     Its bones: two of the trunk, that of the head, three each of arm and leg on the left, and the same on the right.
     """
     return LimbMotion(character(T_POSE), SIDES, HANGING)
-
-
-def moved(points, motions):
-    return np.einsum("bi,bij->bj", np.column_stack([points, np.ones(len(points))]), motions)
 
 
 def directions(motion, motions):
@@ -124,13 +122,11 @@ def test_directions_are_the_performers_in_every_frame_and_bones_keep_their_lengt
     poses = [with_arms(HANGING, LEFT + s[0], RIGHT + s[1]) for s in swing]
     motion = in_t_pose()
     bones = motion.bones
-    child = np.flatnonzero(bones.parents >= 0)
     for pose, motions in zip(poses, play(motion, poses), strict=True):
         found, length = directions(motion, motions)
         assert_allclose(found, wanted(motion, pose), atol=1e-12)
         assert_allclose(length, np.linalg.norm(bones.tails - bones.heads, axis=1), atol=1e-12)
-        heads, parents = bones.heads[child], motions[bones.parents[child]]
-        assert_allclose(moved(heads, motions[child]), moved(heads, parents), atol=1e-14)
+        assert_joined(bones, motions, 1e-14)
 
 
 def test_an_arm_that_is_lowered_from_a_t_pose_bends_forwards_without_roll():

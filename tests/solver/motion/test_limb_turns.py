@@ -101,7 +101,7 @@ def test_a_roll_returns_to_that_of_the_least_rotation_at_its_rate(module, quat, 
     assert quat.to_vector(rolled(module, plan, state, 1.0, local=before, began=False)) == pytest.approx((0, 0, 0))
 
 
-def test_a_bent_limb_rolls_about_its_hinge_and_a_straight_one_hardly(module, quat, plan, state, kinds):
+def test_a_bent_limb_rolls_about_its_hinge_and_a_straight_one_hardly(module, plan, state, kinds):
     plan.roll = [kinds[HINGE]]
     bent = rolled(module, plan, state, 0.1, directions=(X, tuple(np.negative(Y))))  # the hinge is −z, a quarter away
     angle = math.atan2(bent[1], bent[0]) * 2

@@ -2,9 +2,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from solver.model.bones import Bones
 from solver.motion.step_plan import HEADING, PerformersLegs, StandingLeg
 from solver.motion.steps import MAX_TURNING_SPEED, Steps
+
+from ..shapes import chains
 
 TICK = 1 / 60
 HIPS, ANKLES, SHOULDERS, HANDS = (0, 1), (2, 3), (4, 5), (6, 7)
@@ -44,22 +45,17 @@ def unseen(pose):
 
 def animal(pairs, basis=None, knee=0.33):
     """A body with a trunk of two bones and pairs of legs of two bones and a foot, and its legs."""
-    heads, tails, parents, legs = [[0, HEIGHT, -0.5], [0, HEIGHT, 0]], [[0, HEIGHT, 0], [0, HEIGHT, 0.5]], [-1, 0], []
+    limbs, legs = [(-1, [[0, HEIGHT, z] for z in (-0.5, 0, 0.5)])], []
     for row, place in enumerate(np.linspace(-0.5, 0.5, pairs) if pairs > 1 else [0.0]):
-        for side in range(2):
-            x = 0.15 - 0.3 * side
-            ahead = 0.08 if row == 0 else -0.08
-            points = np.array([[x, 0.6, place], [x, knee, place + ahead], [x, 0.05, place], [x, 0.0, place + 0.1]])
-            first = len(heads)
-            heads += points[:-1].tolist()
-            tails += points[1:].tolist()
-            parents += [0 if place < 0 else 1, first, first + 1]
+        for side, x in enumerate((0.15, -0.15)):
+            bent = place + (0.08 if row == 0 else -0.08)
+            ways = [[x, 0.6, place], [x, knee, bent], [x, 0.05, place], [x, 0.0, place + 0.1]]
+            limbs.append((0 if place < 0 else 1, ways))
+            first = 2 + 3 * len(legs)
             legs.append(StandingLeg((first, first + 1, first + 2), HANDS[side], SHOULDERS[side]))
-    axes = np.eye(3) if basis is None else basis
-    bones = Bones(
-        np.array(heads) @ axes, np.array(tails) @ axes, np.array(parents), np.arange(len(heads), dtype=np.int64)
-    )
-    return bones, legs
+    return chains(
+        *((parent, np.array(points) @ (np.eye(3) if basis is None else basis)) for parent, points in limbs)
+    ), legs
 
 
 class Walk:

@@ -9,7 +9,7 @@ from solver.skinning import weights as module
 from solver.skinning.weights import as_matrix, fit, packed
 from solver.surface.mesh import weld
 
-from ..shapes import box, joined, tube
+from ..shapes import box, joined, points, tube
 
 POSES = 40
 
@@ -19,9 +19,7 @@ def bar():
     """A bar along y with two bones, and its reduced model."""
     vertices, faces = tube(np.linspace(0, 4, 33), 0.4, 12, closed=True)
     mesh = weld(vertices[:, [1, 0, 2]], faces, "bar")
-    heads = np.array([[0.0, 0.1, 0.0], [0.0, 2.0, 0.0]])
-    tails = np.array([[0.0, 2.0, 0.0], [0.0, 3.9, 0.0]])
-    bones = Bones(heads, tails, np.array([-1, 0]), np.array([0, 0]))
+    bones = Bones(points("0 0.1 0, 0 2 0"), points("0 2 0, 0 3.9 0"), np.array([-1, 0]), np.array([0, 0]))
     return mesh, build(mesh, ModelParameters(fields=4, isolines=6), bones)
 
 
@@ -47,6 +45,11 @@ def moved(model, motions, shares):
     return np.einsum("mb,fbij->fmij", shares, transforms).reshape(len(motions), -1, 3)
 
 
+def weights_of(model, mesh, controls, motions, **more):
+    """Weights (n, b) of all bones."""
+    return as_matrix(fit(model, mesh, controls, motions, **more), motions.shape[1]).toarray()
+
+
 @pytest.fixture(scope="module")
 def blended(bar):
     """Motions of the bar's bones, the means of them by which isolines move, the controls, and the weights found."""
@@ -54,7 +57,7 @@ def blended(bar):
     motions, share = bent(model.bones), np.linspace(0, 1, len(model.rest_controls) // 4)
     means = np.column_stack([share, 1 - share])
     controls = moved(model, motions, means)
-    return motions, means, controls, as_matrix(fit(model, mesh, controls, motions), 2).toarray()
+    return motions, means, controls, weights_of(model, mesh, controls, motions)
 
 
 def test_a_surface_that_is_a_blend_of_bones_has_the_weights_of_the_blend(bar, blended):
@@ -87,8 +90,8 @@ def test_a_rigid_motion_of_all_poses_and_a_permutation_of_bones_change_no_weight
     carried = motions @ turn
     carried[:, :, 3] += shift
     also = moved(model, carried, means)
-    assert_allclose(as_matrix(fit(model, mesh, also, carried), 2).toarray(), first, atol=1e-5)
-    swapped = as_matrix(fit(model, mesh, controls, motions[:, ::-1]), 2).toarray()
+    assert_allclose(weights_of(model, mesh, also, carried), first, atol=1e-5)
+    swapped = weights_of(model, mesh, controls, motions[:, ::-1])
     assert_allclose(swapped[:, ::-1], first, atol=1e-6)
 
 
@@ -98,16 +101,14 @@ def test_weights_of_other_rest_positions_move_these(bar, blended):
     turn = Rotation.from_rotvec([0.0, 0.0, 1.2]).as_matrix()
     after = motions.copy()
     after[:, :, :3] = turn @ motions[:, :, :3]
-    again = as_matrix(fit(model, mesh, controls, after, rest=mesh.vertices @ turn.T), 2).toarray()
+    again = weights_of(model, mesh, controls, after, rest=mesh.vertices @ turn.T)
     assert_allclose(again, first, atol=1e-5)
 
 
 def test_a_part_that_one_bone_holds_moves_with_it_alone():
-    mesh = weld(*joined(box([-0.5, 0, -0.5], [0.5, 2, 0.5]), box([-0.5, 2.05, -0.5], [0.5, 4.05, 0.5])))
-    heads, tails = np.array([[0, 0.1, 0], [0, 2.1, 0.0]]), np.array([[0, 2.0, 0], [0, 3.9, 0.0]])
-    model = build(
-        mesh, ModelParameters(fields=3, isolines=4), Bones(heads, tails, np.array([-1, 0]), np.array([-1, 0]))
-    )
+    mesh = weld(*joined(box("-0.5 0 -0.5, 0.5 2 0.5"), box("-0.5 2.05 -0.5, 0.5 4.05 0.5")))
+    bones = Bones(points("0 0.1 0, 0 2.1 0"), points("0 2 0, 0 3.9 0"), np.array([-1, 0]), np.array([-1, 0]))
+    model = build(mesh, ModelParameters(fields=3, isolines=4), bones)
     assert model.regions.held.all()
     motions = bent(model.bones)
     controls = moved(model, motions, np.tile([0.5, 0.5], (len(model.rest_controls) // 4, 1)))
@@ -126,6 +127,5 @@ def test_a_bone_without_motion_can_hold_vertices(bar):
     mesh, model = bar
     motions = np.concatenate([np.tile(np.eye(4, 3), (POSES, 1, 1, 1)), bent(model.bones)], axis=1)
     controls = np.tile(model.rest_controls, (POSES, 1, 1))
-    found = fit(model, mesh, controls, motions)
-    still = as_matrix(found, 3).toarray()[:, 0]
+    still = weights_of(model, mesh, controls, motions)[:, 0]
     assert still.min() > 1 - 10 * module.NEGLIGIBLE_WEIGHT

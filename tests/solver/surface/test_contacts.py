@@ -39,7 +39,7 @@ def test_a_mesh_of_one_part_has_no_contacts_and_does_not_come_apart(creature):
 
 def test_every_vertex_that_touches_another_part_is_tied_to_the_nearest_point_of_its_surface():
     """Two boxes that intersect; libigl finds the nearest points."""
-    one, other = box([0, 0, 0], [1, 1, 1], 0.11), box([0.3, 0.98, 0.2], [0.8, 1.9, 0.7], 0.07)
+    one, other = box("0 0 0, 1 1 1", 0.11), box("0.3 0.98 0.2, 0.8 1.9 0.7", 0.07)
     mesh = together(one, other)
     ties = contacts(mesh)
     touching = TOUCH_DIAGONALS * mesh.diagonal
@@ -57,7 +57,7 @@ def test_every_vertex_that_touches_another_part_is_tied_to_the_nearest_point_of_
 
 def test_an_edge_that_goes_through_another_part_ties_its_nearer_end():
     """A post deep inside a block: none of its vertices is near the block's surface."""
-    mesh = together(box([0, 0, 0], [1, 1, 1], 0.25), box([0.4, 0.85, 0.4], [0.6, 2.05, 0.6], 0.4))
+    mesh = together(box("0 0 0, 1 1 1", 0.25), box("0.4 0.85 0.4, 0.6 2.05 0.6", 0.4))
     ties = contacts(mesh)
     of_post = mesh.components[ties.vertices] == 1
     low = (mesh.components == 1) & (mesh.vertices[:, 1] < 1)
@@ -66,8 +66,8 @@ def test_an_edge_that_goes_through_another_part_ties_its_nearer_end():
 
 
 def test_a_part_that_floats_is_tied_to_the_nearest_one_wherever_it_is_near_to_it():
-    ball, far = sphere(3, 0.45, [0.0, 0, 1.6]), box([5, 5, 5], [6, 6, 6], 0.5)
-    mesh = together(box([-1, -1, 0], [1, 1, 1], 0.2), ball, far)
+    ball, far = sphere(3, 0.45, [0.0, 0, 1.6]), box("5 5 5, 6 6 6", 0.5)
+    mesh = together(box("-1 -1 0, 1 1 1", 0.2), ball, far)
     ties = contacts(mesh)
     to_box = (mesh.components[ties.vertices] == 1) & (mesh.components[ties.corners[:, 0]] == 0)
     height = ball[0][:, 2] - 1
@@ -80,9 +80,8 @@ def test_a_part_that_floats_is_tied_to_the_nearest_one_wherever_it_is_near_to_it
 @pytest.mark.parametrize("seed", range(2))
 def test_parts_that_meet_at_a_point_are_tied_there(seed):
     """Two boxes that are welded at one corner."""
-    (lower, faces), (upper, _) = box([0, 0, 0], [1, 1, 1], 0.25), box([1, 1, 1], [2, 2, 2], 0.25)
-    both = np.random.default_rng(seed).permutation(np.concatenate([faces, faces + len(lower)]))
-    mesh = weld(np.concatenate([lower, upper]), both)
+    vertices, faces = joined(box("0 0 0, 1 1 1", 0.25), box("1 1 1, 2 2 2", 0.25))
+    mesh = weld(vertices, np.random.default_rng(seed).permutation(faces))
     ties = contacts(mesh)
     assert mesh.parts == 2
     assert_array_equal(np.sort(ties.vertices), np.flatnonzero((mesh.vertices == 1).all(axis=1)))
@@ -105,7 +104,7 @@ def test_any_scattered_parts_are_tied_into_one(seed):
 def arm_at_the_side():
     """A trunk, and an arm that intersects it at the shoulder and hangs at its side with a gap of 0.3 %."""
     gap = 0.003 * np.sqrt(1 + 4 + 0.25)
-    trunk, arm = box([0, 0, 0], [0.5, 2, 0.5], 0.08), box([0.5 + gap, 0.3, 0.1], [0.7, 1.9, 0.3], 0.05)
+    trunk, arm = box("0 0 0, 0.5 2 0.5", 0.08), box([[0.5 + gap, 0.3, 0.1], [0.7, 1.9, 0.3]], 0.05)
     shoulder = (arm[0][:, 1] > 1.7) & (arm[0][:, 0] < 0.55)
     arm[0][shoulder, 0] -= 0.05
     return together(trunk, arm)
@@ -125,7 +124,7 @@ def test_an_arm_that_hangs_beside_the_trunk_is_tied_at_the_shoulder_only(arm_at_
 
 def test_parts_that_only_face_each_other_are_tied_all_the_same():
     """A head over a neck, with a gap between them and no other contact."""
-    mesh = together(box([0, 0, 0], [1, 1, 1], 0.2), box([0.2, 1.005, 0.2], [0.8, 1.6, 0.8], 0.1))
+    mesh = together(box("0 0 0, 1 1 1", 0.2), box("0.2 1.005 0.2, 0.8 1.6 0.8", 0.1))
     ties = contacts(mesh)
     assert 0 < apart(mesh, ties).max() < TOUCH_DIAGONALS * mesh.diagonal
     bottom = np.count_nonzero((mesh.components == 1) & (mesh.vertices[:, 1] < 1.01))
@@ -136,7 +135,7 @@ def test_parts_that_only_face_each_other_are_tied_all_the_same():
 
 
 def test_separation_is_the_largest_distance_over_the_contacts_of_all_frames():
-    mesh = together(box([0, 0, 0], [1, 1, 1], 0.25), box([0.25, 0.999, 0.25], [0.75, 2, 0.75], 0.25))
+    mesh = together(box("0 0 0, 1 1 1", 0.25), box("0.25 0.999 0.25, 0.75 2 0.75", 0.25))
     measure = PartSeparation(mesh)
     measure.add((mesh.vertices)[:, :, None])
     assert measure.largest == pytest.approx(0.001 / mesh.diagonal)
@@ -148,11 +147,11 @@ def test_separation_is_the_largest_distance_over_the_contacts_of_all_frames():
 
 @pytest.mark.parametrize(
     "other",
-    [sphere(2, 0.3, [0.5, 1.8, 0.5]), box([0.4, 0.85, 0.4], [0.6, 2.05, 0.6], 0.4)],
+    [sphere(2, 0.3, [0.5, 1.8, 0.5]), box("0.4 0.85 0.4, 0.6 2.05 0.6", 0.4)],
     ids=["floats free", "is stuck deep into the other"],
 )
 def test_separation_does_not_see_what_does_not_touch_at_rest(other):
-    block, touching = box([0, 0, 0], [1, 1, 1], 0.25), box([0.2, -1, 0.2], [0.8, 0, 0.8], 0.2)
+    block, touching = box("0 0 0, 1 1 1", 0.25), box("0.2 -1 0.2, 0.8 0 0.8", 0.2)
     mesh = together(block, other, touching)
     number = mesh.components[mesh.of_render[np.cumsum([0, len(block[0]), len(other[0])])]]
     measure = PartSeparation(mesh)

@@ -1,25 +1,17 @@
+import igl
 import numpy as np
 import pytest
-from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, eye
+from scipy.sparse import csc_matrix, csr_matrix, eye
 from scipy.sparse.linalg import splu
 
 from solver.surface.dissection import nested_dissection
 
 
-def operator(edges, count):
-    """A diagonally dominant matrix with entries at edges."""
-    a, b = np.asarray(edges).T
-    links = coo_matrix((np.ones(len(a)), (a, b)), shape=(count, count))
-    links = csr_matrix(links + links.T)
-    return csr_matrix(10 * max(1, links.sum(axis=1).max()) * eye(count) - links)
-
-
 def grid(size):
-    number = np.arange(size * size).reshape(size, size)
-    pairs = [(number[1:], number[:-1]), (number[:, 1:], number[:, :-1]), (number[1:, 1:], number[:-1, :-1])]
-    edges = np.concatenate([np.column_stack([a.ravel(), b.ravel()]) for a, b in pairs])
-    places = np.stack(np.meshgrid(*[np.arange(float(size))] * 2, [0.0], indexing="ij"), axis=-1).reshape(-1, 3)
-    return operator(edges, size * size), places
+    """A diagonally dominant matrix with entries at the edges of a grid, and the places of its vertices."""
+    vertices, faces = igl.triangulated_grid(size, size)
+    links = csr_matrix(igl.adjacency_matrix(faces), dtype=float)
+    return csr_matrix(10 * links.sum(axis=1).max() * eye(size * size) - links), np.insert(vertices, 2, 0.0, axis=1)
 
 
 def fill(A, order):

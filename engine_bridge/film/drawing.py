@@ -25,7 +25,7 @@ from engine_bridge.pictures.textures import Textures, textures
 from puppetline.child_process import processor_count
 
 MAX_THREADS = 8
-"""Maximum number of frames that are drawn at a time, each with 50 MB of memory: more draw faster than one encodes."""
+"""Maximum number of frames that are drawn at a time, in some 80 MB each at 720p: more draw faster than one encodes."""
 
 AHEAD = 2
 """Number of frames per thread that wait for being drawn or taken."""
@@ -90,7 +90,10 @@ class Canvas:
 
     def draw(self, frame: ShownFrame) -> NDArray[np.uint8]:
         """Return the pixels (h, w, 4) of a frame."""
-        renderer = self._idle.pop() if self._idle else Renderer(self._size, self._samples)
+        try:
+            renderer = self._idle.pop()
+        except IndexError:  # all are drawing
+            renderer = Renderer(self._size, self._samples)
         drawn = [self._draw_view(renderer, frame, view) for view in frame.views]
         self._idle.append(renderer)
         if [view.share for view in frame.views] == [1]:

@@ -88,28 +88,22 @@ def geometry(characters: Sequence[tuple[Sequence[Part], Sequence[Appearance]]]) 
     """Return the characters of a film, from the parts of each and their materials."""
     parts = [part for drawn, _ in characters for part in drawn]
     materials = [material for _, own in characters for material in own]
+    vertices = _joined([part.vertices for part in parts], 3, np.float64)
     first_vertices = np.cumsum([0, *(len(part.vertices) for part in parts)])
-    first_triangles = np.cumsum([0, *(len(part.triangles) for part in parts)])
+    triangles = [part.triangles + first for part, first in zip(parts, first_vertices, strict=False)]
+    first_triangles = np.cumsum([0, *map(len, triangles)])
     images = {id(each.image): each.image for each in materials if each.image is not None}
     numbers = {key: number for number, key in enumerate(images)}
     casting, starts, transparent, fine = [], [0], [], list[bool]()
-    for drawn, own in characters:
-        begin = len(fine)
-        vertices = np.concatenate([part.vertices for part in drawn])
-        size = float(np.ptp(vertices, axis=0).max())
-        fine += [are_fine(part.vertices, part.triangles, size) for part in drawn]
-        blends = [material.opacity == "BLEND" for material in own]
-        solid = [
-            part.triangles + first - starts[-1]
-            for part, first, blend in zip(drawn, first_vertices[begin:], blends, strict=False)
-            if not blend
-        ]
-        coarse = coarse_triangles(vertices, _joined(solid, 3), max(SHADOW_CELL * size, 1e-12))
-        casting.append(coarse + starts[-1])
-        ranges = zip(first_triangles[begin:], first_triangles[begin + 1 :], blends, strict=False)
-        transparent.append(_joined([np.arange(low, high) for low, high, blend in ranges if blend]))
-        starts.append(starts[-1] + len(vertices))
-    triangles = [part.triangles + first for part, first in zip(parts, first_vertices, strict=False)]
+    for drawn, _ in characters:
+        own = range(len(fine), len(fine) + len(drawn))
+        size = float(np.ptp(vertices[starts[-1] : first_vertices[own.stop]], axis=0).max())
+        blended = [each for each in own if materials[each].opacity == "BLEND"]
+        solid = _joined([triangles[each] for each in own if each not in blended], 3)
+        casting.append(coarse_triangles(vertices, solid, max(SHADOW_CELL * size, 1e-12)))
+        transparent.append(_joined([np.arange(*first_triangles[each : each + 2]) for each in blended]))
+        fine += [are_fine(vertices, triangles[each], size) for each in own]
+        starts.append(int(first_vertices[own.stop]))
     surfaces = Surfaces(
         triangles=_joined(triangles, 3),
         part=np.repeat(np.arange(len(parts), dtype=np.int32), np.diff(first_triangles)),

@@ -65,12 +65,12 @@ def test_the_watchdog_is_fed_by_frames_and_by_nothing_else(manager, notifier, mo
 
 
 @pytest.mark.parametrize(
-    ("usec", "pid", "count"), [("", None, 0), ("10000000", 1, 0), ("x", None, 0), ("10000000", os.getpid(), 1)]
+    ("usec", "pid", "count"), [("", None, 0), ("10000000", "1", 0), ("x", None, 0), ("10000000", "own", 1)]
 )
 def test_only_a_watchdog_for_this_process_is_fed(manager, notifier, monkeypatch, usec, pid, count):
     monkeypatch.setenv("WATCHDOG_USEC", usec)
     if pid is not None:
-        monkeypatch.setenv("WATCHDOG_PID", str(pid))
+        monkeypatch.setenv("WATCHDOG_PID", str(os.getpid()) if pid == "own" else pid)
     notifier().watchdog(5)
     assert manager.datagrams() == [b"WATCHDOG=1"] * count
 

@@ -304,7 +304,8 @@ def _frames(document: Any) -> list[Any]:
         return longest if len(longest) > (MAX_PEOPLE if len(document) > 1 else 1) else document
     if isinstance(document, dict):
         is_numbered = all(key.replace(".", "", 1).isdecimal() for key in document)
-        if document and (is_numbered or (len(document) > MAX_POSES and all(map(_pose, document.values())))):
+        are_frames = len(document) > MAX_POSES and not any(map(_NO_POSE.search, document))
+        if document and (is_numbered or (are_frames and all(map(_poses, document.values())))):
             return list(document.values())
         for value in document.values():
             if isinstance(value, (list, dict)) and _pose(value) is None and (frames := _frames(value)):

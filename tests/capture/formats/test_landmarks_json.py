@@ -63,12 +63,13 @@ FORMS = {
 
 
 @pytest.mark.parametrize("form", FORMS)
-@pytest.mark.parametrize("frames", ["list", "numbers", "key"])
+@pytest.mark.parametrize("frames", ["list", "numbers", "pictures", "key"])
 def test_forms_of_frames_and_poses(read, form, frames):
     poses = FORMS[form]
     document = {
         "list": poses,
         "numbers": {"positions": {f"{k}.0": pose for k, pose in enumerate(poses)}},
+        "pictures": {f"./picture{k}.png": pose for k, pose in enumerate(poses)},
         "key": {"fps": 30, "frames": poses},
     }[frames]
     content = json.dumps(document)
@@ -139,12 +140,6 @@ def test_a_document_states_its_rate_and_may_have_orientations_or_axes_apart(read
     assert clip.notes[0] == "The file states 60 frames per second."
     [clip] = read(landmarks_json, json.dumps(document), fps=10.0)
     assert_reads(clip, step=1 / 10)
-
-
-@pytest.mark.parametrize("form", ["names", "lists"])
-def test_poses_may_have_the_names_of_pictures(read, form):
-    [clip] = read(landmarks_json, json.dumps({f"./picture{k}.png": pose for k, pose in enumerate(FORMS[form])}))
-    assert_reads(clip, joints=LIMBS)
 
 
 def test_the_longest_of_several_samples_is_read(read):

@@ -181,4 +181,5 @@ def test_the_commands_of_a_page_run(page, folder, service, ran, request, monkeyp
             starts_and_stops(request.getfixturevalue("commands"), arguments)
         else:
             result = CliRunner().invoke(main, arguments, catch_exceptions=False)
-            assert result.exit_code == 0, (arguments, result.output)
+            if result.exit_code:
+                pytest.fail(f"{' '.join(arguments)}\n{result.output}")

@@ -123,6 +123,10 @@ def test_python_runs_a_function_with_all_that_it_calls_until_another_process_has
     assert again.compiled.stats.cache_hits.total() == 1
 
 
+DECORATORS = "compiled", "intrinsic", "inner", "kernel", "outer"
+"""Beginnings of the names of decorators that compile."""
+
+
 def test_only_functions_that_are_compiled_have_no_type_hints():
     """mypy lets all functions of a module with compiled functions go without."""
     found = {
@@ -133,6 +137,9 @@ def test_only_functions_that_are_compiled_have_no_type_hints():
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
         if isinstance(node, ast.FunctionDef)
         and node.returns is None
-        and not any(ast.unparse(each).startswith(("compiled", "intrinsic", "inner", "kernel", "outer")) for each in node.decorator_list)
+        and not any(
+            ast.unparse(each).startswith(("compiled", "intrinsic", "inner", "kernel", "outer"))
+            for each in node.decorator_list
+        )
     }
     assert found == set()

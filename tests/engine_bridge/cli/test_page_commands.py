@@ -181,5 +181,6 @@ def test_the_commands_of_a_page_run(page, folder, service, ran, request, monkeyp
             starts_and_stops(request.getfixturevalue("commands"), arguments)
         else:
             result = CliRunner().invoke(main, arguments, catch_exceptions=False)
-            if result.exit_code:
+            is_amiss = arguments[0] == "doctor" and "!!" in result.output  # a library does not load on a bare machine
+            if result.exit_code != is_amiss:
                 pytest.fail(f"{' '.join(arguments)}\n{result.output}")

@@ -19,10 +19,10 @@ from engine_bridge.character import examples
 from engine_bridge.character.materials import drawn_normals, materials_of
 from engine_bridge.performance.prepared_character import load_prepared
 from engine_bridge.pictures.camera import Camera
-from engine_bridge.pictures.geometry import geometry
+from engine_bridge.pictures.geometry import geometry_of
 from engine_bridge.pictures.renderer import Renderer
 from engine_bridge.pictures.surroundings import StageExtent, Surroundings
-from engine_bridge.pictures.textures import textures
+from engine_bridge.pictures.textures import textures_of
 
 SIZE = (1280, 720)
 ROUNDS = 5
@@ -61,9 +61,9 @@ def measure_frame(folder: Path) -> None:
     vertices, normals = character.vertices.astype(np.float32), drawn_normals(character).astype(np.float32)
     both = [vertices + np.array([x, 0, 0], np.float32) for x in (-0.9, 0.9)]
     camera = Camera(np.array([0.6, 1.4, 5.0]), np.array([0.0, 0.85, 0.0]), 30)
-    drawn = geometry([(character.parts, materials_of(character))] * 2)
+    drawn = geometry_of([(character.parts, materials_of(character))] * 2)
     grey = np.full((1, 1, 4), 230, np.uint8)
-    around = Surroundings(grey, textures([grey], np.linspace(0, 1, 256, dtype=np.float32)))
+    around = Surroundings(grey, textures_of([grey], np.linspace(0, 1, 256, dtype=np.float32)))
     stage, renderer = StageExtent(np.zeros(3), 1.6, 1.7, 1.6), Renderer(SIZE)
 
     def draw() -> None:

@@ -64,8 +64,7 @@ def compiled(
     """
     # a wrapper, with which Python or C calls a function, can take as long to compile as the function
     options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True} if inner else {"cache": True, "nogil": True}
-
-    options |= {} if counts else {"_nrt": False}
+    options |= {} if counts else {"_nrt": False}  # Numba's runtime, which counts references
 
     def decorate(function: Callable[..., Any]) -> Any:
         dispatcher = numba.njit(**options)(function)

@@ -18,10 +18,10 @@ from engine_bridge.film.painting import BOTTOM, PERIOD, TOP
 from engine_bridge.film.scene import DEFAULT_SET, Scene
 from engine_bridge.film.sets import SETS, panorama
 from engine_bridge.pictures.camera import Camera
-from engine_bridge.pictures.geometry import Geometry, geometry
+from engine_bridge.pictures.geometry import geometry_of
 from engine_bridge.pictures.renderer import Renderer
 from engine_bridge.pictures.surroundings import Overlay, Panorama, StageExtent, Surroundings
-from engine_bridge.pictures.textures import Textures, textures
+from engine_bridge.pictures.textures import textures_of
 from puppetline.child_process import processor_count
 
 MAX_THREADS = 8
@@ -84,8 +84,8 @@ class Canvas:
         characters: Sequence[tuple[Sequence[Part], Sequence[Appearance]]],
     ) -> None:
         self._size, self._samples, self._stage = size, samples, stage
-        self._around = surroundings(scene, path, size)
-        self._geometry: Geometry = geometry(characters)
+        self._around = surroundings_of(scene, path, size)
+        self._geometry = geometry_of(characters)
         self._idle = deque[Renderer]()
 
     def draw(self, frame: ShownFrame) -> NDArray[np.uint8]:
@@ -122,7 +122,7 @@ def draw_in_order(frames: Iterable[ShownFrame], canvas: Canvas) -> Generator[NDA
             threads.shutdown(cancel_futures=True)
 
 
-def surroundings(scene: Scene, path: Path, size: tuple[int, int]) -> Surroundings:
+def surroundings_of(scene: Scene, path: Path, size: tuple[int, int]) -> Surroundings:
     """Return the background, the floor and the light of a scene file.
 
     Raises
@@ -140,5 +140,5 @@ def surroundings(scene: Scene, path: Path, size: tuple[int, int]) -> Surrounding
     floor = None if scene.background.picture else painted.floor()
     if color is not None:
         floor = np.full((1, 1, 4), (*ImageColor.getrgb(color)[:3], 255), np.uint8)
-    tile: Textures | None = None if floor is None else textures([floor], np.linspace(0, 1, 256, dtype=np.float32))
+    tile = None if floor is None else textures_of([floor], np.linspace(0, 1, 256, dtype=np.float32))
     return Surroundings(background, tile, scene.floor.show, lighting=lighting_of(scene))

@@ -95,7 +95,7 @@ def make_video(
         size = _size(scene, draft, ending)
         for number, title in enumerate(scene.title, 1):
             overlays.title(title, size, at(path, field=f"[[title]] {number}"), path.parent)
-        frames, canvas = _frames(path, scene, size, 1 if draft else SAMPLES, progress)
+        frames, canvas = _prepare(path, scene, size, 1 if draft else SAMPLES, progress)
         production = frames.production
         numbers = _numbers(production, start, stop, draft, ending)
         mixer = Mixer(production.sounds if FORMATS[ending].sound else (), path, production.seconds, scene.music)
@@ -130,14 +130,14 @@ def first_frame(path: Path, progress: Progress) -> NDArray[np.uint8]:
     PuppetlineError
     """
     scene = load(path)
-    frames, canvas = _frames(path, scene, scene.film.size, SAMPLES, progress)
+    frames, canvas = _prepare(path, scene, scene.film.size, SAMPLES, progress)
     return canvas.draw(frames[0])
 
 
-def _frames(
+def _prepare(
     path: Path, scene: Scene, size: tuple[int, int], samples: int, progress: Progress
 ) -> tuple["_Frames", Canvas]:
-    """Return what the frames of a scene file show, and what draws them."""
+    """Return what the frames of a scene file show, and a canvas that draws them."""
     bubbles = bubbles_of(scene, size, path)
     production, extents = measure(path, scene, progress)
     frames = _Frames(production, extents, bubbles, size)

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from engine_bridge.pictures.camera import Camera
 from engine_bridge.pictures.kernels import inner, kernel
-from engine_bridge.pictures.lamps import Lamps, encoded, irradiance
+from engine_bridge.pictures.lights import Lights, irradiance
+from engine_bridge.pictures.pixels import between, encoded, lay
 from engine_bridge.pictures.surroundings import Overlay, Panorama
 from engine_bridge.pictures.textures import texture
 
@@ -27,20 +28,20 @@ class Rays(NamedTuple):
     down: NDArray[np.float64]
 
 
-def rays(camera: Camera, size: tuple[int, int]) -> Rays:
+def rays_of(camera: Camera, size: tuple[int, int]) -> Rays:
     """Return the directions in which the pixels of a frame look."""
     right, up, towards = camera.axes
     slope = np.tan(np.radians(camera.field_of_view) / 2)
     return Rays(np.asarray(camera.eye, np.float64), -towards, right * slope * size[0] / size[1], -up * slope)
 
 
-def show_panorama(frame: NDArray[np.uint8], panorama: Panorama, seen: Rays) -> None:
+def show_panorama(frame: NDArray[np.uint8], panorama: Panorama, rays: Rays) -> None:
     """Fill a frame with a panorama."""
     height, width = frame.shape[:2]
     columns, rows = (np.arange(0, side + GRID, GRID) for side in (width, height))
     x, y = 2 * columns[None, :, None] / width - 1, 2 * rows[:, None, None] / height - 1
-    ways = seen.ahead + x * seen.right + y * seen.down
-    heading = np.arctan2(seen.ahead[0], -seen.ahead[2])
+    ways = rays.ahead + x * rays.right + y * rays.down
+    heading = np.arctan2(rays.ahead[0], -rays.ahead[2])
     # relative to where the camera looks, so that nothing jumps between two points
     east, north = np.cos(heading) * ways[..., 0] + np.sin(heading) * ways[..., 2], np.hypot(ways[..., 0], ways[..., 2])
     ahead = np.sin(heading) * ways[..., 0] - np.cos(heading) * ways[..., 2]
@@ -68,13 +69,11 @@ def _show_around(frame, image, around, down):
             p, q = x - left, y - top
             right, left = (left + 1) % width, left % width
             for k in range(3):
-                upper = (1 - p) * image[top, left, k] + p * image[top, right, k]
-                lower = (1 - p) * image[below, left, k] + p * image[below, right, k]
-                frame[row, column, k] = int((1 - q) * upper + q * lower + 0.5)
+                frame[row, column, k] = int(between(image, top, below, left, right, q, p, k) + 0.5)
 
 
 @kernel
-def show_floor(frame, floor, seen, middle, reach, tile):
+def show_floor(frame, floor, rays, middle, reach, tile):
     """Draw the floor over a frame; it fades out towards a circle.
 
     Parameters
@@ -82,7 +81,7 @@ def show_floor(frame, floor, seen, middle, reach, tile):
     frame : (h, w, 4) uint8
     floor : Textures
         One image.
-    seen : Rays
+    rays : Rays
     middle : (3,) float64
         Of the circle.
     reach : float
@@ -92,66 +91,71 @@ def show_floor(frame, floor, seen, middle, reach, tile):
     """
     height, width = frame.shape[:2]
     texels = floor.levels[0, 0, 1] / tile
-    across = 2 / width * np.sqrt(seen.right[0] ** 2 + seen.right[2] ** 2)
+    across = 2 / width * np.sqrt(rays.right[0] ** 2 + rays.right[2] ** 2)
     for row in range(height):
         y = 2 * (row + 0.5) / height - 1
-        far = _distance(seen, y)
+        far = _distance(rays, y)
         if far <= 0:
             continue
         # the point of the floor in the middle of this row, and of the next
-        next_far = _distance(seen, y + 2 / height)
+        next_far = _distance(rays, y + 2 / height)
         stride = far * across
         if next_far > 0:
-            dx = next_far * (seen.ahead[0] + (y + 2 / height) * seen.down[0]) - far * (seen.ahead[0] + y * seen.down[0])
-            dz = next_far * (seen.ahead[2] + (y + 2 / height) * seen.down[2]) - far * (seen.ahead[2] + y * seen.down[2])
-            stride = max(stride, np.sqrt(dx * dx + dz * dz))
+            px, pz = _point(rays, far, 0.0, y)
+            next_x, next_z = _point(rays, next_far, 0.0, y + 2 / height)
+            stride = max(stride, np.sqrt((next_x - px) ** 2 + (next_z - pz) ** 2))
         for column in range(width):
             x = 2 * (column + 0.5) / width - 1
-            px = seen.eye[0] + far * (seen.ahead[0] + x * seen.right[0] + y * seen.down[0])
-            pz = seen.eye[2] + far * (seen.ahead[2] + x * seen.right[2] + y * seen.down[2])
+            px, pz = _point(rays, far, x, y)
             share = np.sqrt((px - middle[0]) ** 2 + (pz - middle[2]) ** 2) / reach
             if share > 1:
                 continue
             fading = min(max((share - 0.25) / 0.75, 0.0), 1.0)
             opacity = 1 - fading * fading * (3 - 2 * fading)
             r, g, b, _ = texture(floor, 0, px / tile, pz / tile, stride * texels)
-            frame[row, column, 0] = int((1 - opacity) * frame[row, column, 0] + opacity * 255 * r + 0.5)
-            frame[row, column, 1] = int((1 - opacity) * frame[row, column, 1] + opacity * 255 * g + 0.5)
-            frame[row, column, 2] = int((1 - opacity) * frame[row, column, 2] + opacity * 255 * b + 0.5)
+            lay(frame, row, column, 255 * r, 255 * g, 255 * b, opacity)
 
 
 @inner
-def _distance(seen, y):
+def _distance(rays, y):
     """Return the distance of the floor in a row of pixels, in lengths of their directions; negative without a floor."""
-    down = seen.ahead[1] + y * seen.down[1]
-    return -seen.eye[1] / down if down * seen.eye[1] < 0 else -1.0
+    down = rays.ahead[1] + y * rays.down[1]
+    return -rays.eye[1] / down if down * rays.eye[1] < 0 else -1.0
 
 
-def show_shadows(frame: NDArray[np.uint8], lamps: Lamps, seen: Rays, window: tuple[int, int, int, int]) -> None:
+@inner
+def _point(rays, far, x, y):
+    """Return x and z of the point in a pixel's direction, at a distance in lengths of that."""
+    return (
+        rays.eye[0] + far * (rays.ahead[0] + x * rays.right[0] + y * rays.down[0]),
+        rays.eye[2] + far * (rays.ahead[2] + x * rays.right[2] + y * rays.down[2]),
+    )
+
+
+def show_shadows(frame: NDArray[np.uint8], lights: Lights, rays: Rays, window: tuple[int, int, int, int]) -> None:
     """Darken the floor in a window of a frame, from its first column and row to those after its last."""
     left, top, right, bottom = window
     # at half the resolution, because shadows are soft
     shade = np.ones(((bottom - top) // 2 + 2, (right - left) // 2 + 2, 3), np.float32)
-    _floor_light(shade, lamps, seen, left, top, frame.shape[1], frame.shape[0])
+    _floor_light(shade, lights, rays, left, top, frame.shape[1], frame.shape[0])
     _darken(frame, shade, left, top, right, bottom)
 
 
 @kernel
-def _floor_light(shade, lamps, seen, left, top, width, height):
+def _floor_light(shade, lights, rays, left, top, width, height):
     """Compute the share of the light that reaches the floor, encoded, at every other pixel of a frame from a corner."""
     for i in range(shade.shape[0]):
         y = 2 * (top + 2 * i) / height - 1
-        far = _distance(seen, y)
+        far = _distance(rays, y)
         if far <= 0:
             continue
         for j in range(shade.shape[1]):
             x = 2 * (left + 2 * j) / width - 1
-            px = seen.eye[0] + far * (seen.ahead[0] + x * seen.right[0] + y * seen.down[0])
-            pz = seen.eye[2] + far * (seen.ahead[2] + x * seen.right[2] + y * seen.down[2])
+            px, pz = _point(rays, far, x, y)
             # the floor casts no shadow, so it needs no lift; with one, what is lower than that would lose its shadow
-            light = irradiance(lamps, px, 0.0, pz, 0.0, 1.0, 0.0, 0.0)
+            light = irradiance(lights, px, 0.0, pz, 0.0, 1.0, 0.0, 0.0)
             for k in range(3):
-                shade[i, j, k] = encoded(light[k] / (lamps.towards[1] * lamps.key_color[k] + lamps.sky_color[k]))
+                shade[i, j, k] = encoded(light[k] / (lights.towards[1] * lights.key_color[k] + lights.sky_color[k]))
 
 
 @kernel
@@ -164,20 +168,19 @@ def _darken(frame, shade, left, top, right, bottom):
             x = (column + 0.5 - left) / 2
             j, a = int(x), x - int(x)
             for k in range(3):
-                upper = (1 - a) * shade[i, j, k] + a * shade[i, j + 1, k]
-                lower = (1 - a) * shade[i + 1, j, k] + a * shade[i + 1, j + 1, k]
-                frame[row, column, k] = int(frame[row, column, k] * ((1 - b) * upper + b * lower) + 0.5)
+                light = between(shade, i, i + 1, j, j + 1, b, a, k)
+                frame[row, column, k] = int(frame[row, column, k] * light + 0.5)
 
 
 def show(frame: NDArray[np.uint8], overlay: Overlay) -> None:
     """Draw a picture over a frame."""
     height, width = frame.shape[:2]
     left, top, right, bottom = np.array(overlay.place) * [width, height, width, height]
-    _lay(frame, overlay.picture, left, top, right, bottom, overlay.opacity)
+    _show(frame, overlay.picture, left, top, right, bottom, overlay.opacity)
 
 
 @kernel
-def _lay(frame, picture, left, top, right, bottom, opacity):
+def _show(frame, picture, left, top, right, bottom, opacity):
     """Draw a picture (h, w, 4) over a rectangle of a frame, interpolated."""
     rows, columns = picture.shape[:2]
     for row in range(max(int(np.ceil(top - 0.5)), 0), min(int(np.ceil(bottom - 0.5)), frame.shape[0])):
@@ -188,12 +191,9 @@ def _lay(frame, picture, left, top, right, bottom, opacity):
             x = min(max((column + 0.5 - left) / (right - left) * columns - 0.5, 0.0), columns - 1.0)
             j, a = int(x), x - int(x)
             beside = min(j + 1, columns - 1)
-            p, q, r, s = (1 - b) * (1 - a), (1 - b) * a, b * (1 - a), b * a
-            share = p * picture[i, j, 3] + q * picture[i, beside, 3]
-            share = (share + r * picture[below, j, 3] + s * picture[below, beside, 3]) / 255 * opacity
-            if share == 0:
-                continue
-            for k in range(3):
-                color = p * picture[i, j, k] + q * picture[i, beside, k]
-                color += r * picture[below, j, k] + s * picture[below, beside, k]
-                frame[row, column, k] = int((1 - share) * frame[row, column, k] + share * color + 0.5)
+            share = opacity / 255 * between(picture, i, below, j, beside, b, a, 3)
+            if share > 0:
+                red = between(picture, i, below, j, beside, b, a, 0)
+                green = between(picture, i, below, j, beside, b, a, 1)
+                blue = between(picture, i, below, j, beside, b, a, 2)
+                lay(frame, row, column, red, green, blue, share)

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.pictures.geometry import BLEND, MASK, Surfaces
-from engine_bridge.pictures.kernels import inner, kernel, outer
-from engine_bridge.pictures.lamps import Lamps, encoded, irradiance
+from engine_bridge.pictures.kernels import inner, kernel, shared
+from engine_bridge.pictures.lights import Lights, irradiance
+from engine_bridge.pictures.pixels import encoded, lay
 from engine_bridge.pictures.textures import texture
 
 
@@ -25,7 +26,7 @@ class Moment(NamedTuple):
     surfaces : Surfaces
     points, normals : (n, 3) float32
         Vertices and their unit normals.
-    seen : (n, 3) float32
+    projected : (n, 3) float32
         Column and row of each vertex times its distance from the camera's plane, and this distance.
     eye : (3,) float64
         The camera.
@@ -33,7 +34,7 @@ class Moment(NamedTuple):
         Distance from the camera's plane of the nearest visible point.
     side : float
         1 to leave out what is below the floor, −1 what is above it, 0 nothing.
-    lamps : Lamps
+    lights : Lights
     at_vertices : (2 n, 3) float32
         The light on both sides of each vertex, or its sRGB colour in it, where that is known already; NaN elsewhere.
     """
@@ -41,11 +42,11 @@ class Moment(NamedTuple):
     surfaces: Surfaces
     points: NDArray[np.float32]
     normals: NDArray[np.float32]
-    seen: NDArray[np.float32]
+    projected: NDArray[np.float32]
     eye: NDArray[np.float64]
     near: float
     side: float
-    lamps: Lamps
+    lights: Lights
     at_vertices: NDArray[np.float32]
 
 
@@ -71,28 +72,45 @@ class Samples(NamedTuple):
 
 
 @inner
-def _size(seen, triangles, t):
-    """Return the size of a triangle, negative if its corners run counterclockwise in the picture."""
+def _corners(projected, triangles, t):
+    """Return the projected corners of a triangle: column, row and distance of each."""
     i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-    ax, ay, aw = np.float64(seen[i, 0]), np.float64(seen[i, 1]), np.float64(seen[i, 2])
-    bx, by, bw = np.float64(seen[j, 0]), np.float64(seen[j, 1]), np.float64(seen[j, 2])
-    cx, cy, cw = np.float64(seen[k, 0]), np.float64(seen[k, 1]), np.float64(seen[k, 2])
+    return (
+        np.float64(projected[i, 0]),
+        np.float64(projected[i, 1]),
+        np.float64(projected[i, 2]),
+        np.float64(projected[j, 0]),
+        np.float64(projected[j, 1]),
+        np.float64(projected[j, 2]),
+        np.float64(projected[k, 0]),
+        np.float64(projected[k, 1]),
+        np.float64(projected[k, 2]),
+    )
+
+
+@inner
+def _size(corners):
+    """Return the size of a triangle, negative if its corners run counterclockwise in the picture."""
+    ax, ay, aw, bx, by, bw, cx, cy, cw = corners
     return ax * (by * cw - bw * cy) + ay * (bw * cx - bx * cw) + aw * (bx * cy - by * cx)
 
 
 @inner
-def _edges(seen, triangles, t):
+def _is_turned_here(surfaces, t, corners):
+    """Return whether a triangle turns a side that is drawn to the camera."""
+    size = _size(corners)
+    return size < 0 or (size > 0 and surfaces.two_sided[surfaces.part[t]])
+
+
+@inner
+def _edges(corners):
     """Return the coefficients of a triangle's edges: column, row and constant of each."""
-    i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-    ax, ay, aw = np.float64(seen[i, 0]), np.float64(seen[i, 1]), np.float64(seen[i, 2])
-    bx, by, bw = np.float64(seen[j, 0]), np.float64(seen[j, 1]), np.float64(seen[j, 2])
-    cx, cy, cw = np.float64(seen[k, 0]), np.float64(seen[k, 1]), np.float64(seen[k, 2])
-    p0, p1, p2 = by * cw - bw * cy, bw * cx - bx * cw, bx * cy - by * cx
-    s = 1 / (ax * p0 + ay * p1 + aw * p2)
+    ax, ay, aw, bx, by, bw, cx, cy, cw = corners
+    s = 1 / _size(corners)
     return (
-        p0 * s,
-        p1 * s,
-        p2 * s,
+        (by * cw - bw * cy) * s,
+        (bw * cx - bx * cw) * s,
+        (bx * cy - by * cx) * s,
         (cy * aw - cw * ay) * s,
         (cw * ax - cx * aw) * s,
         (cx * ay - cy * ax) * s,
@@ -103,15 +121,15 @@ def _edges(seen, triangles, t):
 
 
 @inner
-def _bounds(seen, triangles, t, near, window):
+def _bounds(projected, triangles, t, near, window):
     """Return the left, right, upper and lower end of a triangle in a window; it covers it if it reaches the camera."""
     left, top, right, bottom = window[0], window[1], window[2], window[3]
     i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-    aw, bw, cw = seen[i, 2], seen[j, 2], seen[k, 2]
+    aw, bw, cw = projected[i, 2], projected[j, 2], projected[k, 2]
     if aw < near or bw < near or cw < near:
         return float(left), float(right), float(top), float(bottom)
-    ax, ay, bx, by = seen[i, 0] / aw, seen[i, 1] / aw, seen[j, 0] / bw, seen[j, 1] / bw
-    cx, cy = seen[k, 0] / cw, seen[k, 1] / cw
+    ax, ay, bx, by = projected[i, 0] / aw, projected[i, 1] / aw, projected[j, 0] / bw, projected[j, 1] / bw
+    cx, cy = projected[k, 0] / cw, projected[k, 1] / cw
     return (
         max(min(ax, bx, cx), left),
         min(max(ax, bx, cx), right),
@@ -137,14 +155,14 @@ def _shares(e, x, y):
     return u * distance, v * distance, w * distance, distance
 
 
-@outer
+@shared
 def _texture_at(moment, t, x, y):
     """Return the linear colour and opacity of a triangle's texture at a point of the picture; white without one."""
     surfaces = moment.surfaces
     image = surfaces.image[surfaces.part[t]]
     if image < 0:
         return 1.0, 1.0, 1.0, 1.0
-    e = _edges(moment.seen, surfaces.triangles, t)
+    e = _edges(_corners(moment.projected, surfaces.triangles, t))
     u, v, w, distance = _shares(e, x, y)
     i, j, k = surfaces.triangles[t, 0], surfaces.triangles[t, 1], surfaces.triangles[t, 2]
     uv, level = surfaces.uv, surfaces.textures.levels[image, 0]
@@ -160,11 +178,11 @@ def _texture_at(moment, t, x, y):
     return texture(surfaces.textures, image, across, down, stride)
 
 
-@outer
+@shared
 def _opacity(moment, t, x, y):
     """Return the opacity of a triangle at a point of the picture."""
     triangles, colors = moment.surfaces.triangles, moment.surfaces.colors
-    u, v, w, _ = _shares(_edges(moment.seen, triangles, t), x, y)
+    u, v, w, _ = _shares(_edges(_corners(moment.projected, triangles, t)), x, y)
     own = u * colors[triangles[t, 0], 3] + v * colors[triangles[t, 1], 3] + w * colors[triangles[t, 2], 3]
     return own * _texture_at(moment, t, x, y)[3]
 
@@ -185,7 +203,7 @@ def _seen_side(moment, i, j, k):
 @inner
 def _light(moment, side, i, j, k, u, v, w):
     """Return the light on a point of a triangle with corners i, j, k and barycentric coordinates u, v, w."""
-    points, normals, lamps = moment.points, moment.normals, moment.lamps
+    points, normals, lights = moment.points, moment.normals, moment.lights
     x = u * points[i, 0] + v * points[j, 0] + w * points[k, 0]
     y = u * points[i, 1] + v * points[j, 1] + w * points[k, 1]
     z = u * points[i, 2] + v * points[j, 2] + w * points[k, 2]
@@ -193,7 +211,7 @@ def _light(moment, side, i, j, k, u, v, w):
     ny = u * normals[i, 1] + v * normals[j, 1] + w * normals[k, 1]
     nz = u * normals[i, 2] + v * normals[j, 2] + w * normals[k, 2]
     scale = side / max(np.sqrt(nx * nx + ny * ny + nz * nz), 1e-30)
-    return irradiance(lamps, x, y, z, nx * scale, ny * scale, nz * scale, lamps.lift)
+    return irradiance(lights, x, y, z, nx * scale, ny * scale, nz * scale, lights.lift)
 
 
 @inner
@@ -248,7 +266,7 @@ def _shaded(moment, t, u, v, w, x, y):
 
 @kernel
 def cover(moment, samples, window):
-    """Find the nearest triangle at each sample in a window, except for those that mix with what is behind them.
+    """Find the nearest triangle at each sample in a window, except for those that are blended with what is behind them.
 
     Parameters
     ----------
@@ -257,7 +275,7 @@ def cover(moment, samples, window):
     window : tuple of 4 ints
         First column and row, and those after the last.
     """
-    surfaces, seen, near = moment.surfaces, moment.seen, moment.near
+    surfaces, projected, near = moment.surfaces, moment.projected, moment.near
     places, nearness, shown, shares = samples.places, samples.nearness, samples.shown, samples.shares
     greatest = 1 / near
     triangles = surfaces.triangles
@@ -265,13 +283,13 @@ def cover(moment, samples, window):
     for t in range(len(triangles)):
         part = surfaces.part[t]
         opacity = surfaces.opacity[part]
-        size = _size(seen, triangles, t)
-        if opacity == BLEND or not (size < 0 or (size > 0 and surfaces.two_sided[part])):
+        corners = _corners(projected, triangles, t)
+        if opacity == BLEND or not _is_turned_here(surfaces, t, corners):
             continue
-        left, right, top, bottom = _bounds(seen, triangles, t, near, window)
+        left, right, top, bottom = _bounds(projected, triangles, t, near, window)
         if left > right or top > bottom:
             continue
-        e0, e1, e2, e3, e4, e5, e6, e7, e8 = _edges(seen, triangles, t)
+        e0, e1, e2, e3, e4, e5, e6, e7, e8 = _edges(corners)
         ay, by, cy = _heights(moment, t)
         is_cut = min(ay, by, cy) < 0
         for s in range(len(places)):
@@ -322,25 +340,23 @@ def paint(moment, samples, window, frame):
                 red, green, blue = _shaded(moment, t, u, v, 1 - u - v, x, y)
                 r, g, b, covered = r + count * red, g + count * green, b + count * blue, covered + count
             if covered:
-                rest = 1 - covered / count_all
-                frame[row, column, 0] = int(rest * frame[row, column, 0] + 255 * r / count_all + 0.5)
-                frame[row, column, 1] = int(rest * frame[row, column, 1] + 255 * g / count_all + 0.5)
-                frame[row, column, 2] = int(rest * frame[row, column, 2] + 255 * b / count_all + 0.5)
+                scale = 255 / covered
+                lay(frame, row, column, scale * r, scale * g, scale * b, covered / count_all)
 
 
 @kernel
-def mix(moment, samples, window, chosen, frame):
-    """Mix some triangles (u,) with what is behind them in a frame (h, w, 4) uint8, one after another; see `cover`."""
-    surfaces, seen, near = moment.surfaces, moment.seen, moment.near
+def blend(moment, samples, window, chosen, frame):
+    """Blend some triangles (u,) with what is behind them in a frame (h, w, 4) uint8, one after another; see `cover`."""
+    surfaces, projected, near = moment.surfaces, moment.projected, moment.near
     places, nearness, triangles, greatest = samples.places, samples.nearness, surfaces.triangles, 1 / near
     for t in chosen:
-        size = _size(seen, triangles, t)
-        if not (size < 0 or (size > 0 and surfaces.two_sided[surfaces.part[t]])):
+        corners = _corners(projected, triangles, t)
+        if not _is_turned_here(surfaces, t, corners):
             continue
-        left, right, top, bottom = _bounds(seen, triangles, t, near, window)
+        left, right, top, bottom = _bounds(projected, triangles, t, near, window)
         if left > right or top > bottom:
             continue
-        e = _edges(seen, triangles, t)
+        e = _edges(corners)
         ay, by, cy = _heights(moment, t)
         for row in range(int(top), min(int(bottom) + 1, window[3])):
             for column in range(int(left), min(int(right) + 1, window[2])):
@@ -358,6 +374,4 @@ def mix(moment, samples, window, chosen, frame):
                     u, v, w, _ = _shares(e, px, py)
                     r, g, b = _shaded(moment, t, u, v, w, px, py)
                     a = _opacity(moment, t, px, py) * count / len(places)
-                    frame[row, column, 0] = int((1 - a) * frame[row, column, 0] + 255 * a * r + 0.5)
-                    frame[row, column, 1] = int((1 - a) * frame[row, column, 1] + 255 * a * g + 0.5)
-                    frame[row, column, 2] = int((1 - a) * frame[row, column, 2] + 255 * a * b + 0.5)
+                    lay(frame, row, column, 255 * r, 255 * g, 255 * b, a)

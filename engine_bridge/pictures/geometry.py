@@ -10,7 +10,7 @@ from engine_bridge.character.character import Part
 from engine_bridge.character.materials import Appearance
 from engine_bridge.character.surfaces.surface import srgb_to_linear
 from engine_bridge.pictures.coarse import coarse_triangles
-from engine_bridge.pictures.textures import Textures, textures
+from engine_bridge.pictures.textures import Textures, textures_of
 
 CLAY = (0.60, 0.40, 0.27)
 """Linear RGB colour of a mesh without colours."""
@@ -84,7 +84,7 @@ class Geometry(NamedTuple):
     transparent: list[NDArray[np.int32]]
 
 
-def geometry(characters: Sequence[tuple[Sequence[Part], Sequence[Appearance]]]) -> Geometry:
+def geometry_of(characters: Sequence[tuple[Sequence[Part], Sequence[Appearance]]]) -> Geometry:
     """Return the characters of a film, from the parts of each and their materials."""
     parts = [part for drawn, _ in characters for part in drawn]
     materials = [material for _, own in characters for material in own]
@@ -115,7 +115,7 @@ def geometry(characters: Sequence[tuple[Sequence[Part], Sequence[Appearance]]]) 
         unlit=np.array([each.unlit for each in materials], np.bool_),
         two_sided=np.array([each.two_sided for each in materials], np.bool_),
         fine=np.array(fine, np.bool_),
-        textures=textures(list(images.values()), LINEAR),
+        textures=textures_of(list(images.values()), LINEAR),
     )
     return Geometry(surfaces, _joined(casting, 3), starts, transparent)
 

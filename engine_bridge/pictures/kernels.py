@@ -8,5 +8,5 @@ kernel = compiled(counts=False, error_model="numpy")
 inner = compiled(inner=True, counts=False, error_model="numpy", forceinline=True)
 """Of a function that kernels call; it becomes part of each, because to pass the tuples costs more than what it does."""
 
-outer = compiled(inner=True, counts=False, error_model="numpy")
-"""Of a function that kernels call, and that is long or rarely called: it is compiled once."""
+shared = compiled(inner=True, counts=False, error_model="numpy")
+"""Of a function that kernels call, and that is long or rarely called: it is compiled once for all of them."""

@@ -7,7 +7,7 @@ from engine_bridge.pictures.camera import Camera
 from engine_bridge.pictures.geometry import CLAY, LINEAR, OPAQUE, Geometry, Surfaces, are_fine
 from engine_bridge.pictures.renderer import Renderer
 from engine_bridge.pictures.surroundings import Lighting, StageExtent, Surroundings
-from engine_bridge.pictures.textures import textures
+from engine_bridge.pictures.textures import textures_of
 from engine_bridge.pictures.view import View, camera_axes
 from puppetline.compiled import compiled
 
@@ -100,7 +100,7 @@ def _geometry(mesh: NDArray[np.float64], triangles: NDArray[np.int64], colors: N
         unlit=np.array([False]),
         two_sided=np.array([True]),
         fine=np.array([are_fine(mesh, triangles, float(np.ptp(mesh, axis=0).max()))]),
-        textures=textures([], LINEAR),
+        textures=textures_of([], LINEAR),
     )
     return Geometry(surfaces, corners, [0, count], [np.zeros(0, np.int32)])
 

@@ -6,11 +6,11 @@ from itertools import pairwise, product
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.pictures.backdrop import Rays, rays, show, show_floor, show_panorama, show_shadows
+from engine_bridge.pictures.backdrop import Rays, rays_of, show, show_floor, show_panorama, show_shadows
 from engine_bridge.pictures.camera import NEAR_SHARE, Camera
-from engine_bridge.pictures.drawing import Moment, Samples, cover, mix, paint
+from engine_bridge.pictures.drawing import Moment, Samples, blend, cover, paint
 from engine_bridge.pictures.geometry import Geometry
-from engine_bridge.pictures.lamps import SKY_PENUMBRA, lamps
+from engine_bridge.pictures.lights import SKY_PENUMBRA, lights_of
 from engine_bridge.pictures.surroundings import Overlay, Panorama, StageExtent, Surroundings
 
 SAMPLES = 4
@@ -72,27 +72,27 @@ class Renderer:
         (height, width, 4) uint8
             sRGB; the fourth channel is undefined.
         """
-        seen = rays(camera, self.size)
-        frame = self._drawn_around(camera, stage, around, seen)
+        rays = rays_of(camera, self.size)
+        frame = self._drawn_around(camera, stage, around, rays)
         if moved:
             points, normals = (np.concatenate(each) for each in zip(*moved, strict=True))
-            self._draw_characters(frame, camera, stage, geometry, points, normals, around, seen)
+            self._draw_characters(frame, camera, stage, geometry, points, normals, around, rays)
         for overlay in overlays:
             show(frame, overlay)
         return frame
 
-    def _drawn_around(self, camera: Camera, stage: StageExtent, around: Surroundings, seen: Rays) -> NDArray[np.uint8]:
+    def _drawn_around(self, camera: Camera, stage: StageExtent, around: Surroundings, rays: Rays) -> NDArray[np.uint8]:
         """Return a frame with the background and the floor, which stay the same while the camera does not move."""
         matrix = camera.matrix(self.size).tobytes()
         if self._is_behind != (matrix, stage, around):
             self._is_behind = matrix, stage, around
             if isinstance(around.background, Panorama):
-                show_panorama(self._behind, around.background, seen)
+                show_panorama(self._behind, around.background, rays)
             else:
                 self._behind[:] = around.background
             if around.has_floor and around.floor is not None:
                 reach, tile = FLOOR_REACH * stage.radius, FLOOR_TILE * stage.size
-                show_floor(self._behind, around.floor, seen, stage.center, reach, tile)
+                show_floor(self._behind, around.floor, rays, stage.center, reach, tile)
         return self._behind.copy()
 
     def _draw_characters(
@@ -104,26 +104,26 @@ class Renderer:
         points: NDArray[np.float32],
         normals: NDArray[np.float32],
         around: Surroundings,
-        seen: Rays,
+        rays: Rays,
     ) -> None:
         """Draw characters with vertices (n, 3) and unit normals (n, 3) over a frame, and their shadows on the floor."""
-        light = lamps(around.lighting, stage, points, geometry.casting)
+        lights = lights_of(around.lighting, stage, points, geometry.casting)
         axes = np.ascontiguousarray(points.T)  # of which NumPy finds extremes 40 times as fast
         own = [axes[:, first:last] for first, last in pairwise(geometry.starts)]
         boxes = np.array([(each.min(axis=1), each.max(axis=1)) for each in own])
         if around.has_floor:
-            window = self._window(_shadows(boxes, light.towards, SKY_PENUMBRA * stage.size), camera)
-            show_shadows(frame, light, seen, window)
+            window = self._window(_shadows(boxes, lights.towards, SKY_PENUMBRA * stage.size), camera)
+            show_shadows(frame, lights, rays, window)
         window = self._window(boxes, camera)
         moment = Moment(
             geometry.surfaces,
             points,
             normals,
             self._projected(points, camera),
-            seen.eye,
+            rays.eye,
             near=NEAR_SHARE * float(np.linalg.norm(camera.eye - camera.target)),
             side=float(np.sign(camera.eye[1])) if around.has_floor and around.floor_hides else 0.0,
-            lamps=light,
+            lights=lights,
             at_vertices=np.full((2 * len(points), 3), np.nan, np.float32),
         )
         cover(moment, self._samples, window)
@@ -131,7 +131,7 @@ class Renderer:
         away = np.linalg.norm(boxes.mean(axis=1) - camera.eye, axis=1)
         for number in np.argsort(-away, kind="stable"):
             if len(geometry.transparent[number]):
-                mix(moment, self._samples, window, geometry.transparent[number], frame)
+                blend(moment, self._samples, window, geometry.transparent[number], frame)
 
     def _projected(self, points: NDArray[np.float32], camera: Camera) -> NDArray[np.float32]:
         """Return the columns and rows of points (n, 3) times their distances from the camera's plane, and these."""
@@ -145,10 +145,10 @@ class Renderer:
         """Return the part of the frame that boxes (n, 2, 3) cover."""
         low, high = boxes[:, 0], boxes[:, 1]
         corners = np.concatenate([np.where(bits, high, low) for bits in product((False, True), repeat=3)])
-        seen = self._projected(corners.astype(np.float32), camera)
-        if (seen[:, 2] <= 0).any():  # beside or behind the camera
+        projected = self._projected(corners.astype(np.float32), camera)
+        if (projected[:, 2] <= 0).any():  # beside or behind the camera
             return 0, 0, *self.size
-        pixels = seen[:, :2] / seen[:, 2:]
+        pixels = projected[:, :2] / projected[:, 2:]
         left, top = np.clip(np.floor(pixels.min(axis=0)), 0, self.size).astype(int).tolist()
         right, bottom = np.clip(np.ceil(pixels.max(axis=0)), 0, self.size).astype(int).tolist()
         return left, top, right, bottom

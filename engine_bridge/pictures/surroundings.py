@@ -1,4 +1,4 @@
-"""What a film's frame shows around characters: the space, light, background, floor, and pictures over it."""
+"""What a picture shows around characters: the space, light, background, floor, and pictures over it."""
 
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from engine_bridge.pictures.textures import Textures
 
-SKY, KEY, BOUNCE = (0.36, 0.40, 0.47), (1.22, 1.10, 0.95), (0.20, 0.18, 0.16)
-"""Linear RGB irradiance of an overcast sky on the floor, of the
-key light on a surface that faces it, and of the ground on one that faces down."""
+KEY, SKY, BOUNCE = (1.22, 1.10, 0.95), (0.36, 0.40, 0.47), (0.20, 0.18, 0.16)
+"""Linear RGB irradiance of the key light on a surface that faces it, of the sky on the floor, and of the ground on a
+surface that faces down."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.pictures.kernels import inner, outer
+from engine_bridge.pictures.kernels import inner, shared
 
 
 class Textures(NamedTuple):
@@ -27,7 +27,7 @@ class Textures(NamedTuple):
     shades: NDArray[np.float32]
 
 
-def textures(images: Sequence[NDArray[np.uint8]], shades: NDArray[np.float32]) -> Textures:
+def textures_of(images: Sequence[NDArray[np.uint8]], shades: NDArray[np.float32]) -> Textures:
     """Return the textures of images (h, w, 4) whose RGB means some shades (256,), which rise."""
     texels, rows, start = [np.zeros((0, 4), np.uint8)], [], 0
     for image in images:
@@ -60,7 +60,7 @@ def _halved(image: NDArray[np.float32]) -> NDArray[np.float32]:
     return halved if rows else image
 
 
-@outer
+@shared
 def texture(textures, number, u, v, stride):
     """Return the red, green, blue and opacity of an image at a point (u, v), in shares of its width and height.
 

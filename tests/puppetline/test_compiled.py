@@ -123,7 +123,7 @@ def test_python_runs_a_function_with_all_that_it_calls_until_another_process_has
     assert again.compiled.stats.cache_hits.total() == 1
 
 
-DECORATORS = "compiled", "intrinsic", "inner", "kernel", "outer"
+DECORATORS = "compiled", "intrinsic", "inner", "kernel", "shared"
 """Beginnings of the names of decorators that compile."""
 
 
@@ -138,7 +138,7 @@ def test_only_functions_that_are_compiled_have_no_type_hints():
         if isinstance(node, ast.FunctionDef)
         and node.returns is None
         and not any(
-            ast.unparse(each).startswith(("compiled", "intrinsic", "inner", "kernel", "outer"))
+            ast.unparse(each).startswith(("compiled", "intrinsic", "inner", "kernel", "shared"))
             for each in node.decorator_list
         )
     }

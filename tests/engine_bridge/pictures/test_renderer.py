@@ -10,10 +10,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 from engine_bridge.character.character import Part
 from engine_bridge.character.materials import Appearance
 from engine_bridge.pictures.camera import NEAR_SHARE, Camera
-from engine_bridge.pictures.geometry import geometry
+from engine_bridge.pictures.geometry import geometry_of
 from engine_bridge.pictures.renderer import PLACES, Renderer
 from engine_bridge.pictures.surroundings import Overlay, Panorama, StageExtent, Surroundings
-from engine_bridge.pictures.textures import textures
+from engine_bridge.pictures.textures import textures_of
 
 SIZE = (160, 120)
 STAGE = StageExtent(np.zeros(3), 2.0, 2.0, 1.0)
@@ -37,9 +37,9 @@ def part_of(corners, triangles, normals):
 
 def picture(*squares, floor=None, shadows=False, background=(0, 0, 255), camera=CAMERA, samples=4, overlays=()):
     """Draw squares (material, corners, normals, triangles) and return the pixels (h, w, 3)."""
-    drawn = geometry([([part_of(places, faces, normals)], [m]) for m, (places, normals), faces in squares])
+    drawn = geometry_of([([part_of(places, faces, normals)], [m]) for m, (places, normals), faces in squares])
     moved = [(places.astype(np.float32), normals.astype(np.float32)) for _, (places, normals), _ in squares]
-    tile = None if floor is None else textures([np.array([[[*floor, 255]]], np.uint8)], SHADES)
+    tile = None if floor is None else textures_of([np.array([[[*floor, 255]]], np.uint8)], SHADES)
     behind = np.full((1, 1, 4), (*background, 255), np.uint8)
     around = Surroundings(behind, tile, has_floor=floor is not None or shadows)
     over = [Overlay(pixels, opacity) for pixels, opacity in overlays]
@@ -207,9 +207,9 @@ def test_a_frame_does_not_depend_on_those_before():
     """The background is kept while the camera stands still."""
     near, far = square(0.5, z=1.0), square(0.9, x=0.3)
     cameras = [CAMERA, replace(CAMERA, field_of_view=40.0), CAMERA]
-    floor = textures([np.random.default_rng(0).integers(0, 255, (8, 8, 4), np.uint8)], SHADES)
+    floor = textures_of([np.random.default_rng(0).integers(0, 255, (8, 8, 4), np.uint8)], SHADES)
     around = Surroundings(np.full((1, 1, 4), 200, np.uint8), floor)
-    drawn = geometry([([part_of(*near[:1], FRONT, near[1])], [PLAIN])])
+    drawn = geometry_of([([part_of(*near[:1], FRONT, near[1])], [PLAIN])])
     places = [tuple(each.astype(np.float32) for each in one) for one in (near, far, near)]
 
     def draw(renderer, number):
@@ -228,9 +228,9 @@ def test_the_floor_is_where_the_camera_projects_it():
     camera = Camera(np.array([1.0, 2.0, 4.0]), np.array([0.2, 0.0, 0.3]), 35)
     tile = np.zeros((256, 256, 4), np.uint8)
     tile[:128, :128] = 255
-    floor = textures([tile], SHADES)
+    floor = textures_of([tile], SHADES)
     around = Surroundings(np.full((1, 1, 4), (0, 0, 255, 255), np.uint8), floor)
-    pixels = Renderer(SIZE).draw(camera, STAGE, geometry([]), [], around)
+    pixels = Renderer(SIZE).draw(camera, STAGE, geometry_of([]), [], around)
     side = 1.6 * STAGE.size / 2  # of the white part of the tile
     corners = np.array([[0, 0, 0], [side, 0, 0], [side, 0, side], [0, 0, side]])
     seen = np.column_stack([corners, np.ones(4)]) @ camera.matrix(SIZE).astype(float)
@@ -250,7 +250,7 @@ def test_a_panorama_turns_with_the_camera():
         eye = np.array([0.0, 1.0, 0.0])
         camera = Camera(eye, eye + np.array([np.sin(toward), 0.0, -np.cos(toward)]), 50)
         around = Surroundings(Panorama(image, 360.0, 45.0, -45.0), has_floor=False)
-        pixels = Renderer(SIZE).draw(camera, STAGE, geometry([]), [], around)[..., 0]
+        pixels = Renderer(SIZE).draw(camera, STAGE, geometry_of([]), [], around)[..., 0]
         way = np.radians(22.0)
         seen = np.array([*(eye + np.array([np.sin(way), 0, -np.cos(way)])), 1.0]) @ camera.matrix(SIZE).astype(float)
         column = (seen[0] / seen[3] / 2 + 0.5) * SIZE[0]

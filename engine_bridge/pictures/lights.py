@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.pictures.camera import orthographic
-from engine_bridge.pictures.kernels import inner, kernel, outer
+from engine_bridge.pictures.kernels import inner, kernel, shared
 from engine_bridge.pictures.surroundings import Lighting, StageExtent
 
 KEY_SIZES, SKY_SIZE = (512, 1024, 2048), 128
@@ -50,7 +50,7 @@ class DepthMap(NamedTuple):
     blur: NDArray[np.float64]
 
 
-class Lamps(NamedTuple):
+class Lights(NamedTuple):
     """The light on a stage; colours are those of `Lighting`.
 
     Attributes
@@ -72,7 +72,9 @@ class Lamps(NamedTuple):
     lift: float
 
 
-def lamps(lighting: Lighting, stage: StageExtent, points: NDArray[np.float32], casting: NDArray[np.int32]) -> Lamps:
+def lights_of(
+    lighting: Lighting, stage: StageExtent, points: NDArray[np.float32], casting: NDArray[np.int32]
+) -> Lights:
     """Return the light on a stage on which triangles (t, 3) between points (n, 3) cast shadows."""
     towards = np.array(lighting.direction) / np.linalg.norm(lighting.direction)
     half = float(orthographic(towards, stage.center, stage.radius, stage.height).half.max())
@@ -80,7 +82,7 @@ def lamps(lighting: Lighting, stage: StageExtent, points: NDArray[np.float32], c
     size = next((each for each in KEY_SIZES if each >= texels), KEY_SIZES[-1])
     up = np.array([0.0, 1.0, 0.0])
     key_color, sky_color, ground_color = np.array([lighting.key, lighting.sky, lighting.ground])
-    return Lamps(
+    return Lights(
         _depth_map(towards, stage, size, KEY_PENUMBRA, points, casting),
         _depth_map(up, stage, SKY_SIZE, SKY_PENUMBRA, points, casting),
         towards,
@@ -103,25 +105,25 @@ def _depth_map(
     # from −1 … 1 to texels, and depths from 0 to 1
     scale = np.array([size / 2, size / 2, 1 / 2], np.float32)
     matrix: NDArray[np.float32] = (light.matrix[:, :3] + light.matrix[:, 3:]) * scale
-    seen = points @ matrix[:3] + matrix[3]
-    across, down = np.ascontiguousarray(seen[:, :2].T)  # of which NumPy finds extremes 40 times as fast
+    projected = points @ matrix[:3] + matrix[3]
+    across, down = np.ascontiguousarray(projected[:, :2].T)  # of which NumPy finds extremes 40 times as fast
     low = np.clip(np.floor([across.min(), down.min()]), 0, size).astype(np.int64)
     high = np.clip(np.ceil([across.max(), down.max()]), low, size).astype(np.int64)
     columns, rows = high - low
     depths = np.full((rows, columns), np.inf, np.float32)
-    cast(seen, casting, low, depths)
+    cast(projected, casting, low, depths)
     return DepthMap(depths, low, matrix, penumbra * stage.size / (2 * light.half) * size)
 
 
 @kernel
-def cast(seen, casting, corner, depths):
+def cast(projected, casting, corner, depths):
     """Draw triangles (t, 3) between points (n, 3) of a map into a part of it that begins at a corner."""
     rows, columns = depths.shape
     for t in range(len(casting)):
         i, j, k = casting[t, 0], casting[t, 1], casting[t, 2]
-        ax, ay, az = seen[i, 0] - corner[0], seen[i, 1] - corner[1], seen[i, 2]
-        bx, by, bz = seen[j, 0] - corner[0], seen[j, 1] - corner[1], seen[j, 2]
-        cx, cy, cz = seen[k, 0] - corner[0], seen[k, 1] - corner[1], seen[k, 2]
+        ax, ay, az = projected[i, 0] - corner[0], projected[i, 1] - corner[1], projected[i, 2]
+        bx, by, bz = projected[j, 0] - corner[0], projected[j, 1] - corner[1], projected[j, 2]
+        cx, cy, cz = projected[k, 0] - corner[0], projected[k, 1] - corner[1], projected[k, 2]
         area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
         if area == 0:
             continue
@@ -163,7 +165,7 @@ def _lit(light, x, y, z):
     """Return the share of a light that reaches a point (3), softly.
 
     It is looked up at points on a disc that are evenly dense (Vogel 1979), so that the edge of a shadow is soft without
-    grain. Where the outermost ones agree, no others are taken.
+    grain. Where the sharedmost ones agree, no others are taken.
     """
     depths, m = light.depths, light.matrix
     column = m[0, 0] * x + m[1, 0] * y + m[2, 0] * z + m[3, 0] - light.corner[0]
@@ -184,28 +186,19 @@ def _lit(light, x, y, z):
     return 1 - total / len(_DISC)
 
 
-@outer
-def irradiance(lamps, x, y, z, nx, ny, nz, lift):
+@shared
+def irradiance(lights, x, y, z, nx, ny, nz, lift):
     """Return the linear RGB light on a point (3) of a surface with a unit normal (3)."""
-    towards = lamps.towards
+    towards = lights.towards
     cosine = nx * towards[0] + ny * towards[1] + nz * towards[2]
     key = 0.0
     if cosine > 0:
-        key = cosine * _lit(lamps.key, x + lift * nx, y + lift * ny, z + lift * nz)
+        key = cosine * _lit(lights.key, x + lift * nx, y + lift * ny, z + lift * nz)
     up = 0.5 + 0.5 * ny
-    open_sky = _lit(lamps.sky, x + 2 * lift * nx, y + 2 * lift * ny, z + 2 * lift * nz)
+    open_sky = _lit(lights.sky, x + 2 * lift * nx, y + 2 * lift * ny, z + 2 * lift * nz)
     sky, ground = up * (0.35 + 0.65 * open_sky), 1 - up
     return (
-        key * lamps.key_color[0] + sky * lamps.sky_color[0] + ground * lamps.ground_color[0],
-        key * lamps.key_color[1] + sky * lamps.sky_color[1] + ground * lamps.ground_color[1],
-        key * lamps.key_color[2] + sky * lamps.sky_color[2] + ground * lamps.ground_color[2],
+        key * lights.key_color[0] + sky * lights.sky_color[0] + ground * lights.ground_color[0],
+        key * lights.key_color[1] + sky * lights.sky_color[1] + ground * lights.ground_color[1],
+        key * lights.key_color[2] + sky * lights.sky_color[2] + ground * lights.ground_color[2],
     )
-
-
-@inner
-def encoded(light):
-    """Return linear light as sRGB, by roots (Taylor), which are faster than powers; at most 1 % off in the darkest."""
-    c = min(max(light, 0.0), 1.0)
-    a = np.sqrt(c)
-    b = np.sqrt(a)
-    return 0.662002687 * a + 0.684122060 * b - 0.323583601 * np.sqrt(b) - 0.022541147 * c

@@ -54,6 +54,6 @@ def studio(folder: Path, *arguments: object, **environment: str) -> Iterator[Ite
 
 def until(page: Any, expression: str, seconds: float = 300.0) -> Any:
     """Wait until a JavaScript expression about the page's `state` is true; return its value."""
-    return page.wait_for_function(
-        f"() => {{ const state = studio.state(); return {expression}; }}", timeout=1000 * seconds
-    ).json_value()
+    asked = f"() => {{ const state = studio.state(); return {expression}; }}"
+    # if it were asked at each image, the page would have to be composed for that
+    return page.wait_for_function(asked, timeout=1000 * seconds, polling=50).json_value()

@@ -6,11 +6,11 @@ A script brings two meshes, by default the winged horse and the human as if they
 webcam, switches on the microphone, records two takes of 20 s, the second over the first, writes a title, chooses music,
 makes the film, watches it and saves it. The performer is drawn, and speaks by tones.
 
-Seconds of the person are counted, not measured: 2 s for a click, with finding and pointing, and 0.3 s for a key.
-Performing and watching take as long as they last. Everything that the person waits for is the machine's: each wait is
-measured from the end of an action until the page shows its result and can be clicked again; the 3 s before the clap of
-each take are among them. Chromium draws without a graphics card. On a busy machine, the processor time of Puppetline's
-own processes says more.
+The person takes 2 s for a click, with finding and pointing, and 0.3 s for a key, in which the machine goes on with what
+it has begun. Performing and watching take as long as they last. Everything that the person waits for is the machine's:
+each wait is measured from the end of an action until the page shows its result and can be clicked again; the 3 s before
+the clap of each take are among them. Chromium draws without a graphics card. On a busy machine, the processor time of
+Puppetline's own processes says more.
 """
 
 import argparse
@@ -29,9 +29,9 @@ from benchmarks.studio_page import CAMERA, SIZE, chromium, studio, until
 from engine_bridge.character.examples import prepare
 
 CLICK, KEY = 2.0, 0.3
-"""Seconds that count for a click and for a key."""
+"""Seconds that a click and a key take."""
 
-WAITING_SECONDS = 1800.0
+WAITING_SECONDS = 300.0
 """Maximum duration of a wait."""
 
 RECORDED_SECONDS = 20.0
@@ -79,14 +79,14 @@ class Person:
             return until(self.page, expression, WAITING_SECONDS)
 
     def take(self, seconds: float) -> None:
-        """Perform or watch."""
+        """Perform, watch, point or write."""
         self.seconds += seconds
         self.page.wait_for_timeout(1000 * seconds)
 
     def click(self, what: Any) -> None:
         """Click something as soon as it can be clicked, also while it moves."""
         self.clicks += 1
-        self.seconds += CLICK
+        self.take(CLICK)
         with self.waiting():
             what.and_(self.page.locator(":enabled")).click(timeout=1000 * WAITING_SECONDS, force=True)
 
@@ -95,13 +95,13 @@ class Person:
         with self.page.expect_file_chooser() as chooser:
             self.click(button)
         self.clicks += len(files) + 1
-        self.seconds += (len(files) + 1) * CLICK
+        self.take((len(files) + 1) * CLICK)
         chooser.value.set_files(files)
 
     def write(self, field: Any, text: str) -> None:
         """Click a field, type into it, and press Enter."""
         self.click(field)
-        self.seconds += (len(text) + 1) * KEY
+        self.take((len(text) + 1) * KEY)
         field.fill(text)
         field.press("Enter")
 

@@ -29,6 +29,8 @@ It is short, because the successor of the parent starts at the same time."""
 
 log = logging.getLogger(__name__)
 
+_called = threading.Event()
+
 
 def processor_count() -> int:
     """Return the number of processors that this process may use."""
@@ -38,7 +40,8 @@ def processor_count() -> int:
 def bound_to_parent(environment: Mapping[str, str] = os.environ) -> dict[str, Any]:
     """Return options of a child process that runs `puppetline` and ends with this process.
 
-    The system closes the pipe to its standard input when this process ends, even if it is killed.
+    The system closes the pipe to its standard input when this process ends, even if it is killed. What this process
+    writes into the pipe ends `wait_for_parent`.
     """
     return {"stdin": subprocess.PIPE, "env": {**environment, VARIABLE: "1"}}
 
@@ -95,9 +98,14 @@ def end_with_parent() -> None:
         threading.Thread(target=_wait_for_end, daemon=True).start()
 
 
+def wait_for_parent() -> None:
+    """Wait until the parent writes to this process, which was started with `bound_to_parent`."""
+    _called.wait()
+
+
 def _wait_for_end() -> None:
     while os.read(0, 1024):
-        pass
+        _called.set()
     os.kill(os.getpid(), signal.SIGTERM)
     time.sleep(END_SECONDS)
     os._exit(1)

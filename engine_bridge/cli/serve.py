@@ -15,7 +15,7 @@ import click
 
 from engine_bridge.cli.options import FILE, Finite
 from puppetline import clock
-from puppetline.child_process import kept_running
+from puppetline.child_process import kept_running, wait_for_parent
 from puppetline.errors import ServiceError
 
 if TYPE_CHECKING:
@@ -110,10 +110,16 @@ STUDIO_PORT = 7480
     type=click.Choice(["debug", "info", "warning", "error"]),
     help="Least severe messages that are logged.",
 )
+# the studio's: get ready, and wait until the service file is written
+@click.option("--wait", is_flag=True, hidden=True)
 def serve(
-    config: Path | None, studio: int | None, status: bool, log_format: Any, log_level: str, **settings: Any
+    config: Path | None, studio: int | None, status: bool, log_format: Any, log_level: str, wait: bool, **settings: Any
 ) -> None:
     """Stream characters that performers drive live, until stopped."""
+    if wait:
+        from engine_bridge.service import commands, loading, service  # noqa: F401 - most of the time until it serves
+
+        wait_for_parent()
     service_file, folder = _service_file(config, settings)
     _run(service_file, folder, config, studio, status, log_format, log_level)
 

@@ -19,6 +19,10 @@ GRID = 8
 """Distance in pixels between points of a panorama that are computed; between them it is interpolated."""
 
 
+STEP = 3
+"""Distance in pixels between points at which the light on the floor is computed; its shadows are soft."""
+
+
 class Rays(NamedTuple):
     """The directions in which pixels look: `ahead` + x `right` + y `down`, with x and y from −1 to 1 (3 each)."""
 
@@ -135,22 +139,21 @@ def _point(rays, far, x, y):
 def show_shadows(frame: NDArray[np.uint8], lights: Lights, rays: Rays, window: tuple[int, int, int, int]) -> None:
     """Darken the floor in a window of a frame, from its first column and row to those after its last."""
     left, top, right, bottom = window
-    # at half the resolution, because shadows are soft
-    shade = np.ones(((bottom - top) // 2 + 2, (right - left) // 2 + 2, 3), np.float32)
+    shade = np.ones(((bottom - top) // STEP + 2, (right - left) // STEP + 2, 3), np.float32)
     _floor_light(shade, lights, rays, left, top, frame.shape[1], frame.shape[0])
     _darken(frame, shade, left, top, right, bottom)
 
 
 @kernel
 def _floor_light(shade, lights, rays, left, top, width, height):
-    """Compute the share of the light that reaches the floor, encoded, at every other pixel of a frame from a corner."""
+    """Compute the share of the light that reaches the floor, encoded, at every `STEP`-th pixel of a frame from a corner."""
     for i in range(shade.shape[0]):
-        y = 2 * (top + 2 * i) / height - 1
+        y = 2 * (top + STEP * i) / height - 1
         far = _distance(rays, y)
         if far <= 0:
             continue
         for j in range(shade.shape[1]):
-            x = 2 * (left + 2 * j) / width - 1
+            x = 2 * (left + STEP * j) / width - 1
             px, pz = _point(rays, far, x, y)
             # the floor casts no shadow, so it needs no lift; with one, what is lower than that would lose its shadow
             light = irradiance(lights, px, 0.0, pz, 0.0, 1.0, 0.0, 0.0)
@@ -160,13 +163,15 @@ def _floor_light(shade, lights, rays, left, top, width, height):
 
 @kernel
 def _darken(frame, shade, left, top, right, bottom):
-    """Multiply a window of a frame by shades of every other pixel, interpolated."""
+    """Multiply a window of a frame by shades that are computed at every `STEP`-th pixel, interpolated."""
     for row in range(top, bottom):
-        y = (row + 0.5 - top) / 2
+        y = (row + 0.5 - top) / STEP
         i, b = int(y), y - int(y)
         for column in range(left, right):
-            x = (column + 0.5 - left) / 2
+            x = (column + 0.5 - left) / STEP
             j, a = int(x), x - int(x)
+            if min(shade[i, j, 0], shade[i, j + 1, 0], shade[i + 1, j, 0], shade[i + 1, j + 1, 0]) == 1:
+                continue
             for k in range(3):
                 light = between(shade, i, i + 1, j, j + 1, b, a, k)
                 frame[row, column, k] = int(frame[row, column, k] * light + 0.5)

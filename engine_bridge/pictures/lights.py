@@ -165,7 +165,7 @@ def _lit(light, x, y, z):
     """Return the share of a light that reaches a point (3), softly.
 
     It is looked up at points on a disc that are evenly dense (Vogel 1979), so that the edge of a shadow is soft without
-    grain. Where the sharedmost ones agree, no others are taken.
+    grain. Where the outermost ones agree, no others are taken.
     """
     depths, m = light.depths, light.matrix
     column = m[0, 0] * x + m[1, 0] * y + m[2, 0] * z + m[3, 0] - light.corner[0]

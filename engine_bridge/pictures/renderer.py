@@ -135,11 +135,11 @@ class Renderer:
 
     def _projected(self, points: NDArray[np.float32], camera: Camera) -> NDArray[np.float32]:
         """Return the columns and rows of points (n, 3) times their distances from the camera's plane, and these."""
-        matrix = camera.matrix(self.size).astype(np.float64)
         width, height = self.size
         to_pixels = np.array([[width / 2, 0, 0], [0, height / 2, 0], [0, 0, 0], [width / 2, height / 2, 1]])
-        pixels = matrix @ to_pixels
-        return (points @ pixels[:3] + pixels[3]).astype(np.float32)
+        pixels = (camera.matrix(self.size).astype(np.float64) @ to_pixels).astype(np.float32)
+        projected: NDArray[np.float32] = points @ pixels[:3] + pixels[3]
+        return projected
 
     def _window(self, boxes: NDArray[np.float32], camera: Camera) -> Window:
         """Return the part of the frame that boxes (n, 2, 3) cover."""

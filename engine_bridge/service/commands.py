@@ -115,6 +115,10 @@ class _Commands:
         self._refuse_while_recording(*self._service.runners)
         return self._service.play_take(player, self._service.takes.path(asked.take), asked)
 
+    def load_take(self, asked: requests.LoadTake) -> Deferred:
+        _, player = self._player(asked.character)
+        return self._service.load_take(player, self._service.takes.path(asked.take), asked.part)
+
     def pause(self, asked: requests.Switch) -> dict[str, Any]:
         return self._moved(lambda timeline, now: timeline.pause(asked.on, now))
 

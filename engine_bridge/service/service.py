@@ -45,6 +45,7 @@ from engine_bridge.service.takes.count_in import CountIn
 from engine_bridge.service.takes.take_folder import Takes
 from engine_bridge.service.takes.take_playback import TakePlayback
 from engine_bridge.service.takes.take_track import TakeTrack
+from engine_bridge.service.takes.take_tracks import TakeTracks
 from puppetline import clock
 from puppetline.errors import ServiceError
 from puppetline.memory import trim_memory
@@ -123,7 +124,7 @@ class Service:
         settings, folder, keep = self._settings, self._folder, self._resources
         endpoints = endpoints_of(settings.network, folder)  # first: nothing else is as likely to fail
         keep.callback(self._jobs.close)
-        self.playback = TakePlayback(self.find, self.show_frames)
+        self._tracks, self.playback = TakeTracks(), TakePlayback(self.find, self.show_frames)
         self.count_in = CountIn(self.playback)
         self._reported: object = None
         outputs = [table for _, table in settings.output_tables()]
@@ -237,13 +238,17 @@ class Service:
             self._refresh_takes()  # a reload may have replaced the character meanwhile
             return {**added, "note": track.note or None}
 
-        load = partial(TakeTrack, player, path, asked.part)
-        return self._later(self._jobs.loading, load, played)
+        return self._later(self._jobs.loading, partial(self._tracks.of, player, path, asked.part), played)
+
+    def load_take(self, player: CharacterPlayer, path: Path, part: str | None) -> Deferred:
+        """Compute the motion of a take on a character, so that it can be played at once."""
+        load = partial(self._tracks.of, player, path, part)
+        return self._later(self._jobs.loading, load, lambda track: {"seconds": track.seconds})
 
     def _refresh_takes(self) -> None:
         """Compute the motion of takes again for characters whose mapping or files have changed."""
         for player, track in self.playback.stale():
-            load = partial(TakeTrack, player, track.path, track.part)
+            load = partial(self._tracks.of, player, track.path, track.part)
             self._jobs.start(self._jobs.loading, load, lambda loaded: self.playback.replace(loaded.result()))
 
     def stop_recording(self, runner: StageRunner) -> Deferred | None:

@@ -11,6 +11,10 @@
 export class Character extends EventTarget {
   /** @type {(() => void)[]} */
   #ends = [];
+  /** @type {(() => void) | null} */
+  #endFrames = null;
+  /** @type {string} */
+  #frameTopic;
   /** @type {string} */
   #sceneTopic;
   #sequence = -1;
@@ -31,7 +35,8 @@ export class Character extends EventTarget {
     // under a topic of its own, only this client receives the scene
     this.#sceneTopic = `${name}/scene/${Math.random().toString(36).slice(2, 14)}`;
     this.#ends.push(client.subscribe(this.#sceneTopic, (message) => this.#takeScene(message)));
-    this.#ends.push(client.subscribe(`${name}/${kind}`, (message) => this.#takeFrame(message)));
+    this.#frameTopic = `${name}/${kind}`;
+    this.resume();
     this.#ends.push(
       client.subscribe("service/characters", ({ kind, body }) => {
         const isListed = kind === "characters" && body.some((each) => each.name === name);
@@ -40,8 +45,20 @@ export class Character extends EventTarget {
     );
   }
 
+  /** Receive no frames for a while; the scene and the last frame stay. */
+  pause() {
+    this.#endFrames?.();
+    this.#endFrames = null;
+  }
+
+  /** Receive frames again. */
+  resume() {
+    this.#endFrames ??= this.client.subscribe(this.#frameTopic, (message) => this.#takeFrame(message));
+  }
+
   /** Stop following. */
   close() {
+    this.pause();
     for (const end of this.#ends) end();
     this.#ends = [];
   }

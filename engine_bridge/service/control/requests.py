@@ -154,18 +154,25 @@ class RecordStart(Table):
     count_in: Annotated[int, Field(strict=True, ge=0, le=30)] = 0
 
 
-class PlayTake(Table):
-    """Play a take on a character.
+class LoadTake(Table):
+    """Compute a character's motion in a take, so that it can be played at once.
 
-    `part` is the character in the take whose performer drives it, by default the one of the same name; `at` is the
-    second of the timeline at which the take begins, by default the one at which it was recorded. `start` and `stop`
-    trim the take; `beside` keeps the character's other takes. With `pause`, the timeline stands until it goes on, if no
-    other take plays.
+    `part` is the character in the take whose performer drives it, by default the one of the same name.
     """
 
     character: Name
     take: Name
     part: Name | None = None
+
+
+class PlayTake(LoadTake):
+    """Play a take on a character.
+
+    `at` is the second of the timeline at which the take begins, by default the one at which it was recorded. `start`
+    and `stop` trim the take; `beside` keeps the character's other takes. With `pause`, the timeline stands until it
+    goes on, if no other take plays.
+    """
+
     at: Second | None = None
     start: Second = 0.0
     stop: Second | None = None

@@ -1,5 +1,6 @@
 """Edits the film of the studio's takes, and plays it on the characters of the service."""
 
+import asyncio
 import contextlib
 
 from engine_bridge.film.moods import lighting_of
@@ -45,9 +46,17 @@ class FilmEditing:
         return max((_end(take) for take in self._played(None) if take.character == character), default=0.0)
 
     def add(self, take: TakeState, character: str) -> None:
-        """Add a take that was recorded: where the others played meanwhile, or after the character's last one."""
+        """Add a take that was recorded: where the others played meanwhile, or after the character's last one.
+
+        The service gets it ready in the background.
+        """
         at = self.end_of(character) if take.at is None else max(take.at, 0.0)
         self.edit([*self.file.takes, TakeTable(character=character, file=_file(take.name), at=round(at, 3))])
+        self._loading = asyncio.create_task(self._load(take, character))
+
+    async def _load(self, take: TakeState, character: str) -> None:
+        with contextlib.suppress(PuppetlineError):  # said when it is played
+            await self._service.request("load_take", character=character, take=take.name, part=_part(take, character))
 
     def players(self, take: str) -> list[str]:
         """Return the characters that play a recording; empty also if the film cannot be read, which its state says."""
@@ -84,13 +93,12 @@ class FilmEditing:
             over = recorded.seconds is not None and _end(take) <= begin
             if over or take.character not in self._service.described:
                 continue
-            part = take.character if take.character in recorded.parts else next(iter(recorded.parts), None)
             try:
                 await self._service.request(
                     "play_take",
                     character=take.character,
                     take=recorded.name,
-                    part=part,
+                    part=_part(recorded, take.character),
                     at=begin,
                     start=take.start + begin - (take.at or 0.0),
                     stop=take.stop,
@@ -133,6 +141,11 @@ def _missing(take: TakeTable) -> SceneError:
 
 def _file(take: str) -> str:
     return f"takes/{take}.log"
+
+
+def _part(take: TakeState, character: str) -> str | None:
+    """Return the character in a take whose performer drives a character."""
+    return character if character in take.parts else next(iter(take.parts), None)
 
 
 def _end(take: TakeTable) -> float:

@@ -133,9 +133,9 @@ class Studio(Backend):
             with _logged_errors(f"{first.name} cannot be opened"):
                 await self._open(first.name, partial(self._open_first, first))
         for each in self.characters.all:
-            with _logged_errors("a character of the last run is not in the film"):
-                self._introduce(each)
+            self._introduce(each)
         self._pictures.begin()
+        await asyncio.gather(self._worker.get_ready(), self.service.get_ready())
 
     async def _reopen(
         self, again: Callable[[Progress], Awaitable[OpenCharacter]], progress: Progress
@@ -356,7 +356,8 @@ class Studio(Backend):
 
     def _introduce(self, character: OpenCharacter) -> None:
         """Let a character stand in the film beside the others."""
-        self._film.file.introduce(character.name, {each.name: each.width for each in self.characters.all})
+        with _logged_errors("a character is not added to the film"):
+            self._film.file.introduce(character.name, {each.name: each.width for each in self.characters.all})
 
     @contextlib.asynccontextmanager
     async def _change(self) -> AsyncIterator[None]:
@@ -403,8 +404,7 @@ class Studio(Backend):
                     with contextlib.suppress(PuppetlineError):
                         await self._apply()
                     raise
-                with _logged_errors("the character is not added to the film"):
-                    self._introduce(character)
+                self._introduce(character)
                 self.changed()
             return {"character": character.name}
 

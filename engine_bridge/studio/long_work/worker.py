@@ -72,6 +72,11 @@ class Worker:
                 await self.close()
                 raise broken("a crash of the program that reads the file", "a file that can be read") from error
 
+    async def get_ready(self) -> None:
+        """Start the process, so that the first task begins sooner."""
+        async with self._turn:
+            await self._started()
+
     async def close(self) -> None:
         """End the process; closing again does nothing."""
         process, self._process = self._process, None

@@ -35,6 +35,10 @@ class OwnService(ServiceLink):
         """Its addresses and token; None while it does not run."""
         return self._process.reached
 
+    async def get_ready(self) -> None:
+        """Let the service start sooner when the first character is opened."""
+        await self._process.get_ready()
+
     async def play(self, stages: list[dict[str, Any]]) -> None:
         """Run the service with these stages, which are tables [[stage]]; end it if there are none.
 

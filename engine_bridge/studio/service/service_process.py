@@ -74,8 +74,14 @@ class ServiceProcess:
         self._file, self._token, self._changed = file, token, changed
         self._wanted = False
         self._process: asyncio.subprocess.Process | None = None
+        self._ready: asyncio.subprocess.Process | None = None
         self._keeper: asyncio.Task[None] | None = None
         self._serving = asyncio.Event()
+
+    async def get_ready(self) -> None:
+        """Start a process that loads its modules, which takes longer than to load a character, until `start`."""
+        if self._ready is None and not self._wanted:
+            self._ready = await self._spawn()
 
     async def start(self) -> None:
         """Start the service, and wait until it serves or has failed, at most `START_SECONDS`."""
@@ -89,7 +95,9 @@ class ServiceProcess:
     async def stop(self) -> None:
         """End the service."""
         self._wanted = False
-        self._terminate()
+        _end(self._process)
+        _end(self._ready)
+        self._ready = None
         keeper = self._keeper  # another call may stop it meanwhile
         if keeper is not None:
             await asyncio.wait([keeper], timeout=STOP_SECONDS)
@@ -133,17 +141,12 @@ class ServiceProcess:
     async def _run(self) -> deque[str]:
         """Run the service to its end; return its last lines."""
         self._serving.clear()
-        command = ["-P", "-m", "puppetline", "serve", "--config", str(self._file), "--log-format", "json"]
-        self._process = process = await asyncio.create_subprocess_exec(
-            sys.executable,
-            *command,
-            stdout=asyncio.subprocess.DEVNULL,
-            stderr=asyncio.subprocess.PIPE,
-            **OWN_GROUP,  # Ctrl-C goes to the studio, which then ends the service
-            **bound_to_parent(),
-        )
+        self._process = process = self._ready or await self._spawn()
+        self._ready = None
         lines: deque[str] = deque(maxlen=MAX_LINES)
-        assert process.stderr is not None  # noqa: S101 - a pipe was asked for
+        assert process.stderr is not None  # noqa: S101 - pipes were asked for
+        assert process.stdin is not None  # noqa: S101
+        process.stdin.write(b"\n")
         try:
             async for line in _lines(process.stderr):
                 lines.append(line)
@@ -152,6 +155,18 @@ class ServiceProcess:
             if process.returncode is None:
                 await process.wait()
         return lines
+
+    async def _spawn(self) -> asyncio.subprocess.Process:
+        """Start a process that waits for a line before it reads the service file."""
+        command = ["-P", "-m", "puppetline", "serve", "--wait", "--config", str(self._file), "--log-format", "json"]
+        return await asyncio.create_subprocess_exec(
+            sys.executable,
+            *command,
+            stdout=asyncio.subprocess.DEVNULL,
+            stderr=asyncio.subprocess.PIPE,
+            **OWN_GROUP,  # Ctrl-C goes to the studio, which then ends the service
+            **bound_to_parent(),
+        )
 
     def _read(self, line: str) -> None:
         record = _record(line)
@@ -167,14 +182,15 @@ class ServiceProcess:
         elif record.get("level") in ("WARNING", "ERROR", "warning", "error"):
             log.warning("service: %s", record.get("event"), extra={"fields": record.get("fields", {})})
 
-    def _terminate(self) -> None:
-        if self._process is not None and self._process.returncode is None:
-            with contextlib.suppress(ProcessLookupError):
-                self._process.send_signal(END)
-
     def _set(self, **values: Any) -> None:
         self.state = self.state.model_copy(update=values)
         self._changed()
+
+
+def _end(process: asyncio.subprocess.Process | None) -> None:
+    if process is not None and process.returncode is None:
+        with contextlib.suppress(ProcessLookupError):
+            process.send_signal(END)
 
 
 async def _lines(stream: asyncio.StreamReader) -> Any:

@@ -17,7 +17,7 @@ import { put } from "./placing";
 import { planFilm, shownMoment } from "./plan";
 import { connection, download, tried } from "./requests";
 import { playSounds } from "./sound";
-import { type State, current, subscribe, update } from "./store";
+import { type State, current, isWorking, subscribe, update } from "./store";
 import { strings } from "./strings";
 import { page } from "./view";
 import { Viewer } from "./viewer/viewer";
@@ -72,17 +72,18 @@ function follow({ connected, server, character }: State): void {
     jointsOf = null;
   }
   viewer.follow(client, server.characters);
-  if (character === jointsOf) return;
+  const performer = viewer.rests ? null : character;
+  if (performer === jointsOf) return;
   for (const end of unfollow) end();
-  [joints, channels, jointsOf, unfollow] = [null, {}, character, []];
-  if (character === null) return;
+  [joints, channels, jointsOf, unfollow] = [null, {}, performer, []];
+  if (performer === null) return;
   unfollow = [
-    client.subscribe(`${character}/joints`, (message) => {
+    client.subscribe(`${performer}/joints`, (message) => {
       if (message.kind !== "joints") return;
       joints = message.body;
       scheduleFigure();
     }),
-    client.subscribe(`${character}/channels`, (message) => {
+    client.subscribe(`${performer}/channels`, (message) => {
       if (message.kind !== "channels") return;
       channels = message.body;
       clearTimeout(silence);
@@ -181,8 +182,7 @@ subscribe((state) => {
 });
 /** What waits says for how long. */
 setInterval(() => {
-  const { busy, server } = current();
-  if (busy.length > 0 || server?.jobs.some(({ state }) => state === "running") === true) update({});
+  if (current().busy.length > 0 || isWorking(current())) update({});
 }, 1000);
 
 listen();

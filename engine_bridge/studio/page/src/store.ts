@@ -201,5 +201,8 @@ export function shownCharacter({ character, server }: State) {
   return server?.characters.find((each) => each.name === character) ?? null;
 }
 
+/** Whether the machine works at a file, as at a film. */
+export const isWorking = ({ server }: State): boolean => server?.jobs.some(({ state }) => state === "running") === true;
+
 /** Whether the service was started elsewhere: its files, characters and source cannot be changed here. */
 export const isJoined = ({ greeting }: State): boolean => greeting?.joined === true;

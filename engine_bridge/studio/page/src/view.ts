@@ -13,7 +13,7 @@ import { status } from "./panels/status";
 import { strip } from "./panels/strip";
 import { tabs } from "./panels/tabs";
 import { toolHint, toolbar } from "./panels/toolbar";
-import type { State } from "./store";
+import { type State, isWorking } from "./store";
 import { strings } from "./strings";
 
 /** What the page says of the 3D view. */
@@ -28,7 +28,7 @@ export interface Shown {
 
 export function page(state: State, viewer: Shown): readonly Child[] {
   const { character, server } = state;
-  const working = server?.jobs.some((job) => job.state === "running") === true;
+  const working = isWorking(state);
   const started = server !== null && server.characters.length > 0 && character !== null && !state.adding;
   return [
     header(state),

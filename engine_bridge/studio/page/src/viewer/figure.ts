@@ -50,6 +50,12 @@ export class Figure {
     return this.character.scene;
   }
 
+  /** Receive poses, or let the character stand still as it is. */
+  follow(receives: boolean): void {
+    if (receives) this.character.resume();
+    else this.character.pause();
+  }
+
   dispose(): void {
     this.character.close();
     this.mesh?.dispose();

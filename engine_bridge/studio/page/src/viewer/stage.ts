@@ -91,6 +91,11 @@ export class Stage {
     if (!bare) this.scene.add(this.grid);
   }
 
+  /** Whether images follow each other slowly, as without a graphics card; see `keepPace`. */
+  get isSlow(): boolean {
+    return this.idle > 0;
+  }
+
   get width(): number {
     return this.parent.clientWidth;
   }

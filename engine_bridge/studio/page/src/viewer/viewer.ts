@@ -8,7 +8,7 @@ import { type Part, type Puppet, move, pointOf } from "../model/puppet";
 import type { Joint } from "../model/skeleton";
 import { placeOf, rowOf } from "../model/scene";
 import { type Hit, type Ray, type Vector, add, insideOf, meetPlane, meetTriangles, scale, subtract } from "../model/vector";
-import { type State, current, shownPuppet } from "../store";
+import { type State, current, isWorking, shownPuppet } from "../store";
 import { Figure } from "./figure";
 import { Ground } from "./ground";
 import { type Marks, drawMarks, marksOf, movedBy, partAt } from "./overlay";
@@ -137,6 +137,11 @@ export class Viewer {
     }
   }
 
+  /** Whether characters stand still, since the machine is slow and works at something else, as at a film. */
+  get rests(): boolean {
+    return this.stage.isSlow && isWorking(current()) && current().server?.recording === null;
+  }
+
   has(name: string): boolean {
     return this.figures.get(name)?.mesh != null;
   }
@@ -197,6 +202,7 @@ export class Viewer {
   /** Draw again after the state has changed. */
   refresh(state: State): void {
     this.dirty = true;
+    for (const figure of this.figures.values()) figure.follow(!this.rests);
     this.overlay.classList.toggle("placing", state.tool !== "select");
     this.overlay.classList.toggle("film", state.face === "film");
     this.stage.show(state.face === "film" ? placeOf(state.film.present.scene) : null);
@@ -283,7 +289,7 @@ export class Viewer {
   }
 
   private draw(): void {
-    const { atRest, server, face, character } = current();
+    const { atRest, face, character } = current();
     for (const figure of this.figures.values()) if (figure.pose(atRest)) this.dirty = true;
     if (this.parent.offsetParent !== null && face === "film" && this.portraits.take(this.figures)) this.dirty = true;
     if (!this.dirty || this.parent.offsetParent === null) {
@@ -301,7 +307,7 @@ export class Viewer {
       this.stage.render();
       this.drawOverlay();
     }
-    this.stage.keepPace(server?.jobs.some(({ state }) => state === "running") === true ? WORKING_MS : 0);
+    this.stage.keepPace(isWorking(current()) ? WORKING_MS : 0);
   }
 
   private accompany(): void {

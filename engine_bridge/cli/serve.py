@@ -111,9 +111,15 @@ STUDIO_PORT = 7480
     help="Least severe messages that are logged.",
 )
 # the studio's: get ready, and wait until the service file is written
-@click.option("--wait", is_flag=True, hidden=True)
+@click.option("--wait", is_flag=True, default=None, hidden=True)
 def serve(
-    config: Path | None, studio: int | None, status: bool, log_format: Any, log_level: str, wait: bool, **settings: Any
+    config: Path | None,
+    studio: int | None,
+    status: bool,
+    log_format: Any,
+    log_level: str,
+    wait: bool | None,
+    **settings: Any,
 ) -> None:
     """Stream characters that performers drive live, until stopped."""
     if wait:

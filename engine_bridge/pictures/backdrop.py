@@ -146,7 +146,7 @@ def show_shadows(frame: NDArray[np.uint8], lights: Lights, rays: Rays, window: t
 
 @kernel
 def _floor_light(shade, lights, rays, left, top, width, height):
-    """Compute the share of the light that reaches the floor, encoded, at every `STEP`-th pixel of a frame from a corner."""
+    """Compute the share of the light that reaches the floor, encoded, at every `STEP`-th pixel from a corner on."""
     for i in range(shade.shape[0]):
         y = 2 * (top + STEP * i) / height - 1
         far = _distance(rays, y)

@@ -96,8 +96,10 @@ class ServiceProcess:
         """End the service."""
         self._wanted = False
         _end(self._process)
-        _end(self._ready)
-        self._ready = None
+        ready, self._ready = self._ready, None
+        if ready is not None:
+            _end(ready)
+            await ready.wait()
         keeper = self._keeper  # another call may stop it meanwhile
         if keeper is not None:
             await asyncio.wait([keeper], timeout=STOP_SECONDS)

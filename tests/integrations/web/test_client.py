@@ -118,6 +118,13 @@ def test_a_killed_service_that_starts_again_is_followed_again(start, open_page, 
         }"""
     )
     page.until("() => frames > 30")
+    page.run("() => { character.pause(); character.pause(); }")
+    still = page.run("() => frames")
+    for _ in range(3):
+        page.run("() => client.request({ do: 'ping' })")
+    assert page.run("() => [frames, character.frame !== null]") == [still, True]
+    page.run("() => { character.resume(); character.resume(); }")
+    page.until(f"() => frames > {still} + 30")
     first.process.kill()
     page.until("() => client.state === 'offline'")
     lost = page.run("() => client.request({ do: 'ping' }).catch((error) => error.message)")

@@ -78,6 +78,18 @@ def test_tasks_run_one_after_another_in_one_process(tasks):
     assert steps == [("Doubling", 0.5)] * 3
 
 
+def test_the_process_that_got_ready_runs_the_first_task(tasks):
+    async def run():
+        worker = Worker()
+        await worker.get_ready()
+        ready = worker._process.pid
+        first = await worker.run("double", 1)
+        await worker.close()
+        return first["process"] == ready
+
+    assert asyncio.run(run())
+
+
 def test_what_is_done_after_a_task_is_done_before_the_next_and_cannot_fail_it(tasks):
     async def run():
         worker, steps = Worker(), []

@@ -1,5 +1,6 @@
 import asyncio
 import json
+import sys
 
 import pytest
 
@@ -60,3 +61,36 @@ def test_two_that_stop_it_at_once_both_wait_until_it_has_ended(process):
         return ending.done(), process._keeper
 
     assert asyncio.run(run()) == (True, None)
+
+
+WAITING = """
+import json, sys, time
+sys.stdin.readline()
+fields = {"stream": ["ws://127.0.0.1:2"], "control": ["tcp://127.0.0.1:3"]}
+print(json.dumps({"event": "serving", "fields": fields}), file=sys.stderr, flush=True)
+time.sleep(600)
+"""
+
+
+def test_a_process_that_got_ready_serves_when_it_is_needed_and_ends_if_it_is_not(process, monkeypatch):
+    spawned = []
+
+    async def spawn():
+        pipes = dict.fromkeys(("stdin", "stderr"), asyncio.subprocess.PIPE)
+        spawned.append(await asyncio.create_subprocess_exec(sys.executable, "-c", WAITING, **pipes))
+        return spawned[-1]
+
+    async def run():
+        monkeypatch.setattr(process, "_spawn", spawn)
+        for _ in range(2):  # the second time, there is one already
+            await process.get_ready()
+        assert (len(spawned), process.reached) == (1, None)
+        await process.start()
+        await process.get_ready()
+        served = process.reached.control
+        await process.stop()
+        await process.get_ready()
+        await process.stop()
+        return served, [each.returncode is not None for each in spawned]
+
+    assert asyncio.run(run()) == ("tcp://127.0.0.1:3", [True, True])

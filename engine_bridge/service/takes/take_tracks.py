@@ -3,13 +3,16 @@
 from pathlib import Path
 
 from engine_bridge.service.players.character_player import CharacterPlayer
-from engine_bridge.service.takes.take_track import MAX_FRAMES, TakeTrack
+from engine_bridge.service.takes.take_track import TakeTrack
+
+KEPT_FRAMES = 9_000
+"""Number of frames that are kept, unless one take has more: five minutes at 30 frames per second, about 40 MB."""
 
 
 class TakeTracks:
     """The motion of takes on characters, which is computed again only after the take or the character has changed.
 
-    The motion that was asked for last is kept, up to `MAX_FRAMES` frames. One thread at a time may ask.
+    The motion that was asked for last is kept, up to `KEPT_FRAMES`. One thread at a time may ask.
     """
 
     def __init__(self) -> None:
@@ -32,6 +35,6 @@ class TakeTracks:
         else:
             each = take, moved, TakeTrack(player, path, part)
         self._kept.insert(0, each)
-        while len(self._kept) > 1 and sum(len(track.times) for _, _, track in self._kept) > MAX_FRAMES:
+        while len(self._kept) > 1 and sum(len(track.times) for _, _, track in self._kept) > KEPT_FRAMES:
             self._kept.pop()
         return each[2]

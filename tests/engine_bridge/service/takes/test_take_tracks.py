@@ -38,7 +38,7 @@ def test_the_motion_that_was_asked_for_longest_ago_is_dropped_first(player, path
         other.write_bytes(path.read_bytes())
     tracks = TakeTracks()
     first = tracks.of(player, path)
-    monkeypatch.setattr(take_tracks, "MAX_FRAMES", 2 * len(first.times))
+    monkeypatch.setattr(take_tracks, "KEPT_FRAMES", 2 * len(first.times))
     second = tracks.of(player, paths[1])
     assert tracks.of(player, path) is first
     tracks.of(player, paths[2])

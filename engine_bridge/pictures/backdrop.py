@@ -20,7 +20,7 @@ GRID = 8
 
 
 STEP = 3
-"""Distance in pixels between points at which the light on the floor is computed; its shadows are soft."""
+"""Distance in pixels between points of the floor whose light is computed: shadows are soft, so few are enough."""
 
 
 class Rays(NamedTuple):
@@ -161,6 +161,15 @@ def _floor_light(shade, lights, rays, left, top, width, height):
                 shade[i, j, k] = encoded(light[k] / (lights.towards[1] * lights.key_color[k] + lights.sky_color[k]))
 
 
+@inner
+def _is_lit(shade, row, column):
+    """Return whether all light reaches two points beside each other; one colour of a light may be none."""
+    least = 1.0
+    for k in range(3):
+        least = min(least, shade[row, column, k], shade[row, column + 1, k])
+    return least == 1
+
+
 @kernel
 def _darken(frame, shade, left, top, right, bottom):
     """Multiply a window of a frame by shades that are computed at every `STEP`-th pixel, interpolated."""
@@ -170,7 +179,7 @@ def _darken(frame, shade, left, top, right, bottom):
         for column in range(left, right):
             x = (column + 0.5 - left) / STEP
             j, a = int(x), x - int(x)
-            if min(shade[i, j, 0], shade[i, j + 1, 0], shade[i + 1, j, 0], shade[i + 1, j + 1, 0]) == 1:
+            if _is_lit(shade, i, j) and _is_lit(shade, i + 1, j):
                 continue
             for k in range(3):
                 light = between(shade, i, i + 1, j, j + 1, b, a, k)

@@ -124,7 +124,8 @@ class Service:
         settings, folder, keep = self._settings, self._folder, self._resources
         endpoints = endpoints_of(settings.network, folder)  # first: nothing else is as likely to fail
         keep.callback(self._jobs.close)
-        self._tracks, self.playback = TakeTracks(), TakePlayback(self.find, self.show_frames)
+        self._tracks = TakeTracks()
+        self.playback = TakePlayback(self.find, self.show_frames)
         self.count_in = CountIn(self.playback)
         self._reported: object = None
         outputs = [table for _, table in settings.output_tables()]

@@ -28,13 +28,13 @@ class TakeTracks:
         file = path.stat() if path.exists() else None
         take = (path, part, file and (file.st_mtime_ns, file.st_size))
         moved = (player, player.character, player.motion.idle)
-        for each in self._kept:
-            if each[0] == take and all(one is other for one, other in zip(each[1], moved, strict=True)):
-                self._kept.remove(each)
-                break
-        else:
-            each = take, moved, TakeTrack(player, path, part)
-        self._kept.insert(0, each)
+        same = (
+            each
+            for each in self._kept
+            if each[0] == take and all(one is other for one, other in zip(each[1], moved, strict=True))
+        )
+        newest = next(same, None) or (take, moved, TakeTrack(player, path, part))
+        self._kept = [newest, *(each for each in self._kept if each is not newest)]
         while len(self._kept) > 1 and sum(len(track.times) for _, _, track in self._kept) > KEPT_FRAMES:
             self._kept.pop()
-        return each[2]
+        return newest[2]

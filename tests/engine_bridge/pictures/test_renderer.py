@@ -12,7 +12,7 @@ from engine_bridge.character.materials import Appearance
 from engine_bridge.pictures.camera import NEAR_SHARE, Camera
 from engine_bridge.pictures.geometry import geometry_of
 from engine_bridge.pictures.renderer import PLACES, Renderer
-from engine_bridge.pictures.surroundings import Overlay, Panorama, StageExtent, Surroundings
+from engine_bridge.pictures.surroundings import Lighting, Overlay, Panorama, StageExtent, Surroundings
 from engine_bridge.pictures.textures import textures_of
 
 SIZE = (160, 120)
@@ -35,13 +35,22 @@ def part_of(corners, triangles, normals):
     return Part(0, 0, np.eye(4)[None], corners, triangles, normals)
 
 
-def picture(*squares, floor=None, shadows=False, background=(0, 0, 255), camera=CAMERA, samples=4, overlays=()):
+def picture(
+    *squares,
+    floor=None,
+    shadows=False,
+    background=(0, 0, 255),
+    camera=CAMERA,
+    samples=4,
+    overlays=(),
+    light=Lighting(),  # noqa: B008 - it cannot change
+):
     """Draw squares (material, corners, normals, triangles) and return the pixels (h, w, 3)."""
     drawn = geometry_of([([part_of(places, faces, normals)], [m]) for m, (places, normals), faces in squares])
     moved = [(places.astype(np.float32), normals.astype(np.float32)) for _, (places, normals), _ in squares]
     tile = None if floor is None else textures_of([np.array([[[*floor, 255]]], np.uint8)], SHADES)
     behind = np.full((1, 1, 4), (*background, 255), np.uint8)
-    around = Surroundings(behind, tile, has_floor=floor is not None or shadows)
+    around = Surroundings(behind, tile, has_floor=floor is not None or shadows, lighting=light)
     over = [Overlay(pixels, opacity) for pixels, opacity in overlays]
     return Renderer(SIZE, samples).draw(camera, STAGE, drawn, moved, around, over)[..., :3]
 
@@ -121,6 +130,15 @@ def test_a_square_over_the_floor_casts_a_soft_shadow(splits):
     assert (darker > 40).sum() > 300  # the core of the shadow
     assert ((darker > 5) & (darker < 35)).sum() > 60  # its soft edge
     assert pixels[..., 0].max() > alone[..., 0].max()  # the upper side is not in its own shadow
+
+
+def test_each_colour_of_a_light_casts_its_own_shadow():
+    corners, normals = square(0.7, y=0.8)
+    white, without_red = (
+        picture((PLAIN, (corners, normals), FRONT), floor=(200, 200, 200), light=Lighting(key=key))
+        for key in ((1.0, 1.0, 1.0), (0.0, 1.0, 1.0))
+    )
+    assert np.array_equal(white[..., 1:], without_red[..., 1:])
 
 
 def test_a_shadow_begins_at_the_foot_that_casts_it():

@@ -72,18 +72,18 @@ function follow({ connected, server, character }: State): void {
     jointsOf = null;
   }
   viewer.follow(client, server.characters);
-  const performer = viewer.rests ? null : character;
-  if (performer === jointsOf) return;
+  const followed = viewer.rests ? null : character;
+  if (followed === jointsOf) return;
   for (const end of unfollow) end();
-  [joints, channels, jointsOf, unfollow] = [null, {}, performer, []];
-  if (performer === null) return;
+  [joints, channels, jointsOf, unfollow] = [null, {}, followed, []];
+  if (followed === null) return;
   unfollow = [
-    client.subscribe(`${performer}/joints`, (message) => {
+    client.subscribe(`${followed}/joints`, (message) => {
       if (message.kind !== "joints") return;
       joints = message.body;
       scheduleFigure();
     }),
-    client.subscribe(`${performer}/channels`, (message) => {
+    client.subscribe(`${followed}/channels`, (message) => {
       if (message.kind !== "channels") return;
       channels = message.body;
       clearTimeout(silence);

@@ -209,12 +209,12 @@ export class Stage {
    */
   keepPace(working: number): void {
     const now = performance.now();
-    this.rest = this.idle > 0 ? Math.max(working, this.idle) : 0;
+    this.rest = this.isSlow ? Math.max(working, this.idle) : 0;
     if (this.images === 0) this.measuredFrom = now;
     if (this.images++ < MEASURED_IMAGES) return;
     const interval = (now - this.measuredFrom) / MEASURED_IMAGES;
     this.images = 0;
-    if (interval <= SLOW_MS || this.idle > 0) return;
+    if (interval <= SLOW_MS || this.isSlow) return;
     if (this.ratio <= LEAST_RATIO) this.idle = Math.min(interval, GREATEST_IDLE_MS);
     this.ratio = Math.max(LEAST_RATIO, 0.8 * this.ratio);
     this.renderer.setPixelRatio(this.ratio);

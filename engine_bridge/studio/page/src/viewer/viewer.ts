@@ -202,7 +202,8 @@ export class Viewer {
   /** Draw again after the state has changed. */
   refresh(state: State): void {
     this.dirty = true;
-    for (const figure of this.figures.values()) figure.follow(!this.rests);
+    const { rests } = this;
+    for (const figure of this.figures.values()) figure.follow(!rests);
     this.overlay.classList.toggle("placing", state.tool !== "select");
     this.overlay.classList.toggle("film", state.face === "film");
     this.stage.show(state.face === "film" ? placeOf(state.film.present.scene) : null);

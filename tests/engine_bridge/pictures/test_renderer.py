@@ -133,12 +133,16 @@ def test_a_square_over_the_floor_casts_a_soft_shadow(splits):
 
 
 def test_each_colour_of_a_light_casts_its_own_shadow():
-    corners, normals = square(0.7, y=0.8)
+    """High over the floor, a square's shadow of the key light lies beside that of the sky."""
+    corners = 0.3 * np.array([[-1, 4, -1], [1, 4, -1], [1, 4, 1], [-1, 4, 1]])
+    camera = Camera(np.array([0.0, 2.5, 5.0]), np.array([0.0, 0.4, 0.0]), 40)
+    drawn = PLAIN, (corners, np.tile([0.0, 1.0, 0.0], (4, 1))), FRONT[:, ::-1]
     white, without_red = (
-        picture((PLAIN, (corners, normals), FRONT), floor=(200, 200, 200), light=Lighting(key=key))
+        picture(drawn, floor=(200, 200, 200), camera=camera, light=Lighting(key=key)).astype(int)
         for key in ((1.0, 1.0, 1.0), (0.0, 1.0, 1.0))
     )
     assert np.array_equal(white[..., 1:], without_red[..., 1:])
+    assert (white[..., 1].max() - white[..., 1] > 40).sum() > 50  # the shadow
 
 
 def test_a_shadow_begins_at_the_foot_that_casts_it():

@@ -335,6 +335,13 @@ def wyvern(body: Body) -> None:
             body.limb("arm", chain(root, ways, [0.08, 0.07, 0.04]), [0.03, 0.025, 0.02, 0.02])
 
 
+def lump(body: Body) -> None:
+    """Make a shape without limbs: a ball, an egg, a stone."""
+    body.limbs.append((PARTS.index("trunk"), straight((0, -0.3, 0), (0, 0.3, 0))))
+    for place in (0.0, 0.3)[: 1 + body.happens(0.5)]:
+        body.blob(0, [body.between(-place, place) for _ in range(3)], [body.between(0.4, 0.7) for _ in range(3)])
+
+
 PLANS: dict[str, Callable[[Body], None]] = {
     "biped": biped,
     "toy": lambda body: biped(body, plump=1.5),
@@ -352,6 +359,7 @@ PLANS: dict[str, Callable[[Body], None]] = {
     "sprawler": sprawler,
     "centaur": centaur,
     "ghost": ghost,
+    "lump": lump,
 }
 
 

@@ -230,8 +230,8 @@ def propose(
     scale : float, optional
         Metres per unit of the mesh; by default from the character's height.
     plan : str, optional
-        How limbs follow the performer: "upright", "two legs", "four legs", "many legs", "wings" or "no legs"; by
-        default from the limbs that are found.
+        How limbs follow the performer, and which limbs are looked for in the shape: "upright", "two legs",
+        "four legs", "many legs", "wings" or "no legs"; by default the likeliest.
     mirror : bool
         Whether the character is the performer's mirror image.
 

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -39,7 +39,7 @@ ENDS = ("head", "tail", "jaw", *(f"{side} {limb}" for limb in (*PERFORMER_JOINTS
 AXES = "up", "front"
 
 MIN_OTHER_PROBABILITY = 0.05
-"""Minimum probability of another up or front for which there is a note."""
+"""Minimum probability of another up or front, or of other limbs, for which there is a note."""
 
 OMITTED = ((), ("jaw",), ("left ear", "right ear"), ("tail",), ("left wing", "right wing"), ("left arm", "right arm"))
 """Limbs without which the others are tried, if they cannot all be as they were found."""
@@ -108,7 +108,7 @@ def new_puppet(
         As in the puppet file; None to find it from the file's skeleton, the shape or the body plan.
     mirror : bool
     plan : BodyPlan or None
-        How limbs follow the performer; None to choose it from the limbs that are found.
+        How limbs follow the performer, and which limbs are taken where the shape may have several; None to choose both.
     limbs : bool
         False for handles at the ends of limbs instead of limbs.
     body : int or None
@@ -140,8 +140,8 @@ def new_puppet(
     standing = check(values | {"handle": PLACEHOLDER_HANDLES}, where).character
     notes = [*_others(bodies, body or 1), *_other_axes(stands)]
     if places or not handles:
-        found = limbs_of(rig, surface, standing, places)
-        notes += found.notes
+        found = with_plan_of(limbs_of(rig, surface, standing, places), plan, standing.basis[1])
+        notes += [*found.notes, *_other_plan(found, standing.basis[1])]
         proposed = limb_tables(found, standing, _checked(plan, found)) if limbs else []
         tables = [limb.model_dump(exclude_none=True) for limb in proposed]
         if tables and not places:
@@ -288,7 +288,34 @@ def limbs_of(
     if rig is not None and limb_tables(rig.limbs, standing):
         return rig.limbs
     shape = find_limbs(surface, standing.basis, ends)
-    return Limbs(shape.chains, (*(rig.limbs.notes if rig is not None else ()), *shape.notes))
+    return replace(shape, notes=(*(rig.limbs.notes if rig is not None else ()), *shape.notes))
+
+
+def with_plan_of(limbs: Limbs, plan: BodyPlan | None, up: NDArray[np.float64]) -> Limbs:
+    """Return the likeliest limbs of which a body plan would be chosen, if there are any, and no others; or the limbs.
+
+    Parameters
+    ----------
+    limbs : Limbs
+    plan : BodyPlan or None
+        None for any.
+    up : (3,) float64
+    """
+    for chains in (limbs.chains, *(other for _, other in limbs.others)) if plan is not None else ():
+        if plan_of(Limbs(chains).points, up) == plan:
+            return Limbs(chains, limbs.notes)
+    return limbs if plan is None else replace(limbs, others=())
+
+
+def _other_plan(limbs: Limbs, up: NDArray[np.float64]) -> Iterator[str]:
+    """Yield a note on other limbs, if they are likely, with the option that takes them."""
+    own = plan_of(limbs.points, up)
+    for chance, chains in limbs.others:
+        other = Limbs(chains).points
+        plan = plan_of(other, up)
+        if plan != own and chance >= MIN_OTHER_PROBABILITY:
+            yield f"With a probability of {chance:.0%}, it is {body_summary(plan, other)}. If so: --plan '{plan}'"
+            return
 
 
 def _checked(plan: BodyPlan | None, limbs: Limbs) -> BodyPlan | None:

@@ -38,10 +38,13 @@ class Limbs:
         Each after its parent.
     notes : tuple of str
         Sentences for a person: what is unclear or was omitted, and how to settle it.
+    others : tuple of (float, tuple of LimbChain)
+        Other limbs that the character may have instead, with their probabilities, the likeliest first.
     """
 
     chains: tuple[LimbChain, ...]
     notes: tuple[str, ...] = ()
+    others: tuple[tuple[float, tuple[LimbChain, ...]], ...] = ()
 
     @property
     def points(self) -> dict[str, NDArray[np.float64]]:

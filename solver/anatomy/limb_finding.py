@@ -1,7 +1,8 @@
 """Finds the limbs of a character from its shape alone.
 
-Points inside the character vote for the limbs that they belong to (`solver.anatomy.voted_limbs`). Here the limbs get
-their names, by side and row, and joints in the middle of the character.
+Points inside the character vote for the limbs that they belong to (`solver.anatomy.voted_limbs`). Which of these limbs
+the body has is decided together (`solver.anatomy.limb_counts`). Here they get their names, by side and row, and joints in
+the middle of the character.
 """
 
 from collections.abc import Iterator, Mapping
@@ -13,9 +14,9 @@ import scipy
 from numpy.typing import NDArray
 
 from solver.anatomy.limb_chain import LimbChain, Limbs, evenly, leg_names
-from solver.anatomy.part_network import PARTS
+from solver.anatomy.limb_counts import counted_bodies
 from solver.anatomy.solid import Solid, solid_of
-from solver.anatomy.voted_limbs import MIRROR, PAIRED, Points, VotedLimb, bend_of, voted_limbs, votes_of
+from solver.anatomy.voted_limbs import MIRROR, Points, VotedLimb, bend_of, voted_limbs, votes_of
 from solver.surface.mesh import SolverMesh
 
 MAX_ASYMMETRY = 0.06
@@ -32,8 +33,8 @@ MIN_HOCK = 0.1
 """Minimum bend of hind legs at a hock, as a share of the line from the knee to the foot. 85 of 100 rigs of animals have
 it."""
 
-SURE = 0.7
-"""Probability of limbs below which there is a note."""
+MIN_CHANCE = 0.02
+"""Minimum probability of the other bodies that are returned."""
 
 MIN_NECK_SHARE = 0.3
 """Minimum length of a neck that is a limb, as a share of the trunk's length."""
@@ -63,9 +64,13 @@ def find_limbs(
         Ends of limbs that the user has given, by name; mesh file's coordinates.
     """
     finder = _Finder(solid_of(mesh).along(basis), {name: basis @ np.asarray(end) for name, end in ends.items()})
-    found = finder.limbs()
-    chains = tuple(LimbChain(name, points @ basis) for name, points in found.items())
-    return Limbs(chains, (*_missing(found), *finder.doubts(basis)))
+    (_, limbs), *others = finder.bodies()
+    others = [(chance, _chains(other, basis)) for chance, other in others if chance >= MIN_CHANCE]
+    return Limbs(_chains(limbs, basis), tuple(_missing(limbs)), tuple(others))
+
+
+def _chains(found: Mapping[str, Points], basis: NDArray[np.float64]) -> tuple[LimbChain, ...]:
+    return tuple(LimbChain(name, points @ basis) for name, points in found.items())
 
 
 def _missing(found: Mapping[str, Points]) -> Iterator[str]:
@@ -79,17 +84,7 @@ def _missing(found: Mapping[str, Points]) -> Iterator[str]:
             )
 
 
-def _other(part: str, chances: Points) -> str:
-    """Return the part that a limb could be, if it is not what it was taken for."""
-    others = {name: chance for name, chance in zip(PARTS[1:], chances[1:], strict=True) if name != part}
-    return max(others, key=lambda name: float(others[name]))
-
-
-def _named(part: str, side: int) -> str:
-    return f"{'left' if side > 0 else 'right'} {part}" if part in PAIRED else part
-
-
-def _with_hocks(pair: tuple[VotedLimb, VotedLimb]) -> list[Points]:
+def _with_hocks(pair: tuple[VotedLimb, ...]) -> list[Points]:
     """Return the joints of hind legs, with a hock each if they bend between the knee and the foot."""
     bends = [bend_of(leg) for leg in pair]
     if np.mean([bend for bend, _ in bends]) < MIN_HOCK:
@@ -103,30 +98,20 @@ class _Finder:
     def __init__(self, solid: Solid, ends: Mapping[str, Points]) -> None:
         self.solid, self.ends = solid, ends
         self.size = float(np.ptp(solid.centers, axis=0).max()) + solid.size
+        self.inside = scipy.spatial.cKDTree(solid.centers)
         self.voted = voted_limbs(votes_of(solid))
         self.given = {name: self._given(name, end) for name, end in ends.items() if name not in ON_HEAD}
 
-    def limbs(self) -> dict[str, Points]:
-        """Return the points of each limb by its name."""
-        found = self._trunk_and_head() | self._pair("arm") | self._legs()
-        found |= self._pair("wing") | {limb.part: limb.joints for limb in self._of("tail")[:1]}
-        found |= {name: points for name, points in self.given.items() if name != "head"}
-        return found | self._on_head(found["head"])
+    def bodies(self) -> Iterator[tuple[float, dict[str, Points]]]:
+        """Yield the bodies that the limbs may be, with their probabilities: the points of each limb by its name."""
+        for body in counted_bodies(self.voted, self.inside):
+            found = self._trunk_and_head(len(body.limbs["leg"])) | self._pair("arm", body.limbs) | self._legs(body.limbs)
+            found |= self._pair("wing", body.limbs) | {"tail": tail.joints for (tail,) in body.limbs["tail"]}
+            found |= {name: points for name, points in self.given.items() if name != "head"}
+            yield body.chance, found | self._on_head(found["head"])
 
-    def doubts(self, basis: NDArray[np.float64]) -> Iterator[str]:
-        """Yield a note on each part whose limbs are uncertain, and what they could be, with the option that says so."""
-        for part in PARTS[2:]:
-            own = [limb for limb in self.voted if limb.part == part]
-            chances = np.mean([limb.chances for limb in own], axis=0) if own else np.ones(len(PARTS))
-            other = _other(part, chances)
-            names = [_named(other, limb.side) for limb in own]
-            if chances[PARTS.index(part)] < SURE and sorted(names) in ([other], [f"left {other}", f"right {other}"]):
-                ends = [",".join(f"{value:.4g}" for value in limb.joints[-1] @ basis) for limb in own]
-                fix = " ".join(f"--limb '{name}={end}'" for name, end in zip(names, ends, strict=True))
-                yield f"What was taken for {part}s could be {other}s ({chances[PARTS.index(other)]:.0%}). If so: {fix}"
-
-    def _of(self, part: str, side: int = 0) -> list[VotedLimb]:
-        return [limb for limb in self.voted if limb.part == part and limb.side == side]
+    def _of(self, part: str) -> list[VotedLimb]:
+        return [limb for limb in self.voted if limb.part == part]
 
     def _given(self, name: str, end: Points) -> Points:
         """Return the limb that ends where the user says, whatever it was taken for; without one, a straight limb."""
@@ -139,21 +124,17 @@ class _Finder:
             trunk = trunk[15:]
         return evenly(np.array([trunk[np.linalg.norm(trunk - end, axis=1).argmin()], end]), 4)
 
-    def _pair(self, limb: str) -> dict[str, Points]:
-        """Return the largest limb of each side; a wing needs its counterpart, and an arm does not."""
-        left, right = self._of(limb, 1)[:1], self._of(limb, -1)[:1]
-        if left and right:
-            return self._sides(limb, left[0].joints, right[0].joints)
-        single = left + right if limb == "arm" else []
-        return {f"{'left' if one.side > 0 else 'right'} {limb}": one.joints for one in single}
+    def _pair(self, part: str, limbs: Mapping[str, list[tuple[VotedLimb, ...]]]) -> dict[str, Points]:
+        """Return the likeliest limb of each side."""
+        for pair in limbs[part][:1]:
+            if len(pair) == 2:
+                return self._sides(part, pair[0].joints, pair[1].joints)
+            return {f"{'left' if pair[0].side > 0 else 'right'} {part}": pair[0].joints}
+        return {}
 
-    def _legs(self) -> dict[str, Points]:
+    def _legs(self, limbs: Mapping[str, list[tuple[VotedLimb, ...]]]) -> dict[str, Points]:
         """Return the legs in rows from hind to front."""
-        left, right = self._of("leg", 1), self._of("leg", -1)
-        away = np.array([[np.abs(one.joints - other.joints)[:, 1:].sum() for other in right] for one in left])
-        rows, columns = scipy.optimize.linear_sum_assignment(away.reshape(len(left), len(right)))
-        pairs = [(left[row], right[column]) for row, column in zip(rows, columns, strict=True)]
-        pairs.sort(key=lambda pair: float(sum(leg.joints[[0, -1], 2].sum() for leg in pair)))
+        pairs = sorted(limbs["leg"], key=lambda pair: float(sum(leg.joints[[0, -1], 2].sum() for leg in pair)))
         found: dict[str, Points] = {}
         for name, pair in zip(leg_names(len(pairs)), pairs, strict=True):
             found |= self._sides(name, *(_with_hocks(pair) if name == "hind leg" else [leg.joints for leg in pair]))
@@ -167,8 +148,11 @@ class _Finder:
             right = left * MIRROR + offset
         return {f"left {limb}": left, f"right {limb}": right}
 
-    def _trunk_and_head(self) -> dict[str, Points]:
-        """Return the trunk, the neck if it is a limb of its own, and the head, each from the end of the one before."""
+    def _trunk_and_head(self, legs: int) -> dict[str, Points]:
+        """Return the trunk, the neck if it is a limb of its own, and the head, each from the end of the one before.
+
+        A body with two pairs of legs may have a neck where an upright one has none.
+        """
         trunk = self._of("trunk")[0].joints
         heads = sorted(self._of("head"), key=lambda each: float(np.linalg.norm(each.joints[-1] - trunk[-1])))
         if len(heads) > 1 and np.linalg.norm(heads[-2].joints[-1] - heads[-1].joints[0]) > MAX_GAP * self.size:
@@ -179,22 +163,22 @@ class _Finder:
         elif len(ways) == 1:
             ways.append(self._above(trunk))
         elif len(ways) == 2:
-            ways[1:] = self._with_neck(trunk, heads[0].joints)
+            ways[1:] = self._with_neck(trunk, heads[0].joints, legs)
         for before, after in pairwise(ways):
             if np.linalg.norm(after[0] - before[-1]) < MAX_GAP * self.size:
                 after[0] = before[-1] = (after[0] + before[-1]) / 2
         names = ("trunk", "neck", "head") if len(ways) > 2 else ("trunk", "head")
         return dict(zip(names, [*ways[:-1], ways[-1][[0, 2]]], strict=True))
 
-    def _with_neck(self, trunk: Points, head: Points) -> list[Points]:
+    def _with_neck(self, trunk: Points, head: Points, legs: int) -> list[Points]:
         """Return a neck and a head, if the head is far from a trunk on which it is not upright; else the head."""
         way = evenly(head, STEPS + 1)
         step = float(np.linalg.norm(np.diff(head, axis=0), axis=1).sum()) / STEPS
-        depth = self.solid.depth[scipy.spatial.cKDTree(self.solid.centers).query(way)[1]]
+        depth = self.solid.depth[self.inside.query(way)[1]]
         skull = MIN_SKULL + int(depth[MIN_SKULL:].argmax())
         length = skull * step - float(depth[skull])
         stands = way[skull] - way[0]
-        upright = len(self._of("leg", 1)) < 2 and stands[1] > UPRIGHT_COSINE * np.linalg.norm(stands)
+        upright = legs < 2 and stands[1] > UPRIGHT_COSINE * np.linalg.norm(stands)
         if upright or length < MIN_NECK_SHARE * np.linalg.norm(trunk[-1] - trunk[0]):
             return [head[[0, 1, 3]]]
         end = max(round(length / step), 2)

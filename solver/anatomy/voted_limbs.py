@@ -19,10 +19,12 @@ SETS = 4
 MAX_APART = 0.15
 """Maximum mean distance between the votes of one limb, in largest extents."""
 
+MIN_VOTES = 12
+"""Minimum number of points that vote for a limb."""
+
 MIN_SHARE, MIN_PART_SHARE, MIN_CHANCE = 0.012, 0.25, 0.55
-"""Minimum share of the points that vote for a limb, in all points, and in those for the largest limb of the same part
-and side, and minimum mean probability of the part at these points. Of 301 limbs of 56 characters of makers that the
-network has not seen, 10 are less likely, and all of these are false."""
+"""Minimum share of the points that vote for a head, in all points, and in those for the largest head, which is true of
+a trunk too, and minimum mean probability of a head at these points."""
 
 PAIRED = ("arm", "leg", "wing")
 """Parts that have a side."""
@@ -67,6 +69,10 @@ class VotedLimb:
         Mean probability of each of `PARTS` at these points.
     points : (k, 3) float64
         These points.
+    share : float
+        Share of these points in all points.
+    spread : float
+        Mean distance of their votes from the joints, in largest extents.
     """
 
     part: str
@@ -74,6 +80,8 @@ class VotedLimb:
     joints: Points
     chances: Points
     points: Points
+    share: float
+    spread: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +133,8 @@ def votes_of(solid: Solid, sets: int = SETS) -> Votes:
 def voted_limbs(votes: Votes) -> list[VotedLimb]:
     """Return the limbs that points vote for, those of one part and side from the largest to the smallest share.
 
-    There is a trunk, even if no point is more likely in it than elsewhere.
+    There is a trunk, even if no point is more likely in it than elsewhere. Of the others, a body has only some
+    (`solver.anatomy.limb_counts`).
     """
     part = votes.chances.argmax(axis=1)
     if not (part == 0).any():
@@ -138,17 +147,30 @@ def voted_limbs(votes: Votes) -> list[VotedLimb]:
     for number, name in enumerate(PARTS):
         for side in (1, -1) if name in PAIRED else (0,):
             own = np.flatnonzero((part == number) & ((left == (side > 0)) if side else True))
-            groups = [group for group in _groups(votes.joints[own], MAX_APART * size) if len(group)]
-            least = max(MIN_SHARE * len(part) * bool(number), MIN_PART_SHARE * max(map(len, groups), default=0))
-            for group in sorted(groups, key=len, reverse=True):
-                of = own[group]
-                chances = votes.chances[of].mean(axis=0)
-                if len(of) >= least and (number == 0 or chances[number] >= MIN_CHANCE):
-                    joints, points = np.median(votes.joints[of], axis=0), votes.points[of]
-                    joints = _settled(joints, points) if number >= PARTS.index("arm") else joints
-                    joints = _inside(joints, votes.points, MAX_OUTSIDE * size)
-                    limbs.append(VotedLimb(name, side, joints, chances, points))
+            groups = sorted(_groups(votes.joints[own], MAX_APART * size), key=len, reverse=True)
+            for group in groups:
+                limb = _limb(votes, own[group], name, side, size) if len(group) else None
+                if limb is not None and _counts(limb, len(groups[0])):
+                    limbs.append(limb)
     return limbs
+
+
+def _limb(votes: Votes, own: NDArray[np.int64], part: str, side: int, size: float) -> VotedLimb:
+    """Return the limb that some points vote for."""
+    points, joints = votes.points[own], np.median(votes.joints[own], axis=0)
+    spread = float(np.linalg.norm(votes.joints[own] - joints, axis=2).mean()) / size
+    joints = _settled(joints, points) if PARTS.index(part) >= PARTS.index("arm") else joints
+    joints = _inside(joints, votes.points, MAX_OUTSIDE * size)
+    chances = votes.chances[own].mean(axis=0)
+    return VotedLimb(part, side, joints, chances, points, len(own) / len(votes.points), spread)
+
+
+def _counts(limb: VotedLimb, most: int) -> bool:
+    """Return whether a limb is not too small or uncertain to be one, if the largest of its kind has most points."""
+    if limb.part not in ("trunk", "head"):
+        return len(limb.points) >= MIN_VOTES
+    is_large = len(limb.points) >= MIN_PART_SHARE * most
+    return is_large and (limb.part == "trunk" or (limb.share >= MIN_SHARE and limb.chances[1] >= MIN_CHANCE))
 
 
 def _groups(joints: Points, apart: float) -> list[NDArray[np.int64]]:

@@ -198,6 +198,23 @@ def test_a_limb_that_overlaps_another_one_is_left_out_if_the_others_stay(blob_fi
     assert made.notes == ("jaw would overlap another limb or leave the mesh, and is left out.",)
 
 
+def test_other_limbs_are_said_with_the_plan_that_takes_them(blob_file, tmp_path, monkeypatch):
+    found = proposal.find_limbs(load_character(blob_file).solver_mesh(), np.eye(3))
+    armless = tuple(chain for chain in found.chains if "arm" not in chain.name)
+    body = tuple(chain for chain in found.chains if "leg" not in chain.name)
+    others = ((0.2, armless[:-1]), (0.15, armless), (0.1, body))
+    monkeypatch.setattr(proposal, "find_limbs", lambda *_: replace(found, others=others))
+    made = new_puppet(blob_file, tmp_path / "a.toml", up="y", front="z")
+    assert made.plan == "upright"
+    assert made.notes == (
+        "With a probability of 20%, it is a body on two legs: one head, one leg. If so: --plan 'two legs'",
+    )
+    for plan, chains in (("two legs", armless[:-1]), ("no legs", body), ("upright", found.chains)):
+        chosen = new_puppet(blob_file, tmp_path / "a.toml", up="y", front="z", plan=plan)
+        assert [limb.name for limb in chosen.puppet.limb] == [chain.name for chain in chains]
+        assert (chosen.plan, chosen.notes) == (plan, ())
+
+
 @pytest.mark.parametrize(
     ("given", "place"),
     [

@@ -5,10 +5,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from solver.anatomy import limb_finding
-from solver.anatomy.limb_chain import evenly
+from solver.anatomy.limb_chain import Limbs, evenly
 from solver.anatomy.limb_finding import find_limbs
 from solver.anatomy.solid import fill
-from solver.anatomy.voted_limbs import VotedLimb
 from solver.surface.mesh import SolverMesh, weld
 
 from ..shapes import body_of, capsules, joined
@@ -297,16 +296,19 @@ def test_every_leg_of_a_body_with_many_is_a_limb_in_rows_from_the_front(pairs):
     assert sum("leg" in name for name in limbs) == 2 * pairs
 
 
-def test_uncertain_limbs_are_said_with_what_they_could_be_and_the_option_that_says_so(person, monkeypatch):
-    joints = np.array([[0.2, 1.4, 0.0], [0.4, 1.4, 0.0], [0.6, 1.4, 0.0], [0.8, 1.25, 0.0]])
-    trunk = VotedLimb("trunk", 0, joints * [0, 1, 1] - [0, 0.5, 0], np.eye(6)[0], joints)
-    chances = np.array([0.02, 0.0, 0.6, 0.03, 0.0, 0.35])
-    arms = [VotedLimb("arm", side, joints * [side, 1, 1], chances, joints) for side in (1, -1)]
-    monkeypatch.setattr(limb_finding, "voted_limbs", lambda _: [trunk, *arms])
-    assert find_limbs(person, np.eye(3)).notes[-1] == (
-        "What was taken for arms could be wings (35%). If so: "
-        "--limb 'left wing=0.8,1.25,0' --limb 'right wing=-0.8,1.25,0'"
-    )
-    sure = [replace(arm, chances=np.eye(6)[2]) for arm in arms]
-    monkeypatch.setattr(limb_finding, "voted_limbs", lambda _: [trunk, *sure])
-    assert not any("taken for" in note for note in find_limbs(person, np.eye(3)).notes)
+def test_other_limbs_that_a_character_may_have_are_returned_with_their_probabilities(person, whole, monkeypatch):
+    given = limb_finding.counted_bodies
+
+    def counted(voted, inside):
+        body = given(voted, inside)[0]
+        return [
+            replace(body, chance=0.6),
+            *(replace(body, chance=chance, limbs=body.limbs | {"arm": []}) for chance in (0.3, 0.01)),
+        ]
+
+    monkeypatch.setattr(limb_finding, "counted_bodies", counted)
+    limbs = find_limbs(person, np.eye(3))
+    assert_same(limbs.points, whole.points, 1e-12)
+    ((chance, chains),) = limbs.others
+    assert chance == 0.3
+    assert_same(Limbs(chains).points, {name: each for name, each in whole.points.items() if "arm" not in name}, 1e-12)

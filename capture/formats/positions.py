@@ -72,9 +72,30 @@ _ELBOWS, _WRISTS, _HANDS, _KNEES = (
     {f"{joint}_{side}" for side in _SIDES} for joint in ("elbow", "wrist", "hand", "knee")
 )
 _REQUIRED = ("hip_center", *(f"shoulder_{side}" for side in _SIDES))
-"""Joints without which positions are no person's; elbows too, if there are wrists or no knees. All others may be lost,
-and the hips of a body with a head, elbows and wrists.
+"""Joints without which positions are no person's; elbows too, if there are no wrists and no knees. All others may be
+lost, and the hips of a body with a head, elbows and wrists.
 """
+
+
+def _share(joint: str, other: str) -> float:
+    """Return how far a joint is along a straight limb from the joint before to another one after, as a share."""
+    length = TYPICAL_BONE_METRES[joint]
+    return length / (length + TYPICAL_BONE_METRES[other])
+
+
+_BETWEEN: tuple[tuple[str, str, str, float], ...] = (
+    *((joint, *pair, 0.5 if joint != "spine" else SPINE_SHARE) for joint, pair in MIDPOINTS.items()),
+    *(
+        (f"{joint}_{side}", f"{before}_{side}", f"{after}_{side}", share)
+        for side in _SIDES
+        for joint, before, after, share in (
+            ("elbow", "shoulder", "wrist", _share("elbow", "wrist")),
+            ("wrist", "elbow", "hand", WRIST_SHARE),
+            ("knee", "hip", "ankle", _share("knee", "ankle")),
+        )
+    ),
+)
+"""Joints that are placed between two others if they have no position, and how far from the first one, as a share."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,8 +238,10 @@ def refuse_incomplete(path: Path, names: Sequence[str]) -> NoReturn:
 def _missing(sources: Mapping[str, object]) -> list[str]:
     found = {*sources, *(joint for joint, pair in MIDPOINTS.items() if sources.keys() >= set(pair))}
     found |= {"hip_center"} if {"head", *_ELBOWS, *_WRISTS} <= found else set()
-    needs_elbows = bool(found & (_WRISTS | _HANDS)) or not found >= _KNEES
-    return [joint for joint in (*_REQUIRED, *(sorted(_ELBOWS) if needs_elbows else ())) if joint not in found]
+    ends = {f"elbow_{side}" for side in _SIDES if found & {f"wrist_{side}", f"hand_{side}"}}
+    needs_elbows = bool(ends) or not found >= _KNEES
+    required = (*_REQUIRED, *(sorted(_ELBOWS - ends) if needs_elbows else ()))
+    return [joint for joint in required if joint not in found]
 
 
 def _is_origin(positions: Floats, at_origin: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -272,31 +295,20 @@ def _fill(points: Floats, sure: NDArray[np.float32], sources: dict[str, tuple[in
     if not sources.keys() & {"hip_center", "hip_left"}:
         _place_hips(points, sure)
         notes.append("No position for the hips. They are placed below the shoulders.")
-    for joint, pair in MIDPOINTS.items():
-        if joint not in sources:
-            one, other = (JOINT_INDEX[each] for each in pair)
-            share = SPINE_SHARE if joint == "spine" else 0.5
+    known = {*sources, "hip_left", "hip_right"}
+    for joint, before, after, share in _BETWEEN:
+        if joint not in known and (joint in MIDPOINTS or known >= {before, after}):
+            one, other = JOINT_INDEX[before], JOINT_INDEX[after]
             points[:, JOINT_INDEX[joint]] = (1 - share) * points[:, one] + share * points[:, other]
             sure[:, JOINT_INDEX[joint]] = np.minimum(sure[:, [one, other]].min(axis=1), INFERRED)
-            notes.append(f"No position for {joint}. It is placed between {pair[0]} and {pair[1]}.")
-    for side in _SIDES:
-        if f"hand_{side}" in sources and f"wrist_{side}" not in sources:
-            elbow, wrist, hand = (JOINT_INDEX[f"{joint}_{side}"] for joint in ("elbow", "wrist", "hand"))
-            points[:, wrist] = (1 - WRIST_SHARE) * points[:, elbow] + WRIST_SHARE * points[:, hand]
-            sure[:, wrist] = np.minimum(sure[:, [elbow, hand]].min(axis=1), INFERRED)
+            notes.append(f"No position for {joint}. It is placed between {before} and {after}.")
+            known.add(joint)
     if "head" not in sources:
         neck, hips = JOINT_INDEX["shoulder_center"], JOINT_INDEX["hip_center"]
         points[:, JOINT_INDEX["head"]] = points[:, neck] + NECK_SHARE * (points[:, neck] - points[:, hips])
         sure[:, JOINT_INDEX["head"]] = np.minimum(sure[:, [neck, hips]].min(axis=1), INFERRED)
         notes.append("No position for the head. It continues the neck.")
-    placed = {
-        "head",
-        "hip_left",
-        "hip_right",
-        *MIDPOINTS,
-        *(f"wrist_{side}" for side in _SIDES if f"hand_{side}" in sources),
-    }
-    lost = [joint for joint in JOINTS if joint not in sources and joint not in placed]
+    lost = [joint for joint in JOINTS if joint not in known | {"head"}]
     notes += [f"No position for {joint}. It is lost." for joint in lost]
     return tuple(notes)
 

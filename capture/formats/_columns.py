@@ -55,8 +55,12 @@ def parse(names: Sequence[Sequence[str]]) -> list[Column]:
         in_space |= {len(columns)} if "world" in words else set()
         columns.append(_parse(words)._replace(person=person))
     better = {columns[index] for index in in_space}  # than those in the picture
+    is_row = any(column.role == "x" and not column.joint for column in better)  # of one joint
     columns = [
-        Column("") if column in better and column.role and index not in in_space else column
+        Column("")
+        if (column in better and column.role and index not in in_space)
+        or (is_row and column.role in AXES and column.joint)
+        else column
         for index, column in enumerate(columns)
     ]
     placed = {column[1:] for column in columns if column.role in AXES}

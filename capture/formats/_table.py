@@ -51,6 +51,9 @@ WIDTHS = (3, 4, 7)
 _PART = re.compile("((left|right)_)?(hand|face)_.*[0-9]$")
 """Landmarks of a hand or a face, which trackers number apart."""
 
+NAMED_ROWS = 200
+"""Number of rows by which cells are told to be names of joints."""
+
 MAX_MISSING = 2
 """Number of missing joints up to which a table that is no person's is told so."""
 
@@ -184,6 +187,8 @@ class Table:
         if not joints:
             return None
         unnamed = {name: own for name, own in joints.items() if name.startswith(UNNAMED)}
+        if len(joints) == len(unnamed) == 1 and "joint" not in fields and self._joints_counted(fields.get("frame", -1)):
+            fields["joint"] = fields.pop("frame")  # an ID that counts joints
         if len(joints) > len(unnamed):
             joints = {name: own for name, own in joints.items() if name not in unnamed and not _PART.match(name)}
             joints = dict(zip(without_prefix(list(joints)), joints.values(), strict=True))
@@ -256,8 +261,8 @@ class Table:
         named = sum(map(bool, self._names))
         if named in (*range(MAX_EXTRA_COLUMNS + 1, self.width), self.width) and not self._are_numbered():
             return []
-        if groups := self._numbered_groups():
-            return groups
+        if rows := self._rows_with_names() or self._numbered_groups():
+            return rows
         found: list[tuple[Fit, Layout]] = []
         for name, starts, size in self._candidates():
             sample = np.stack([self.positions({"x": x, "y": x + 1, "z": x + 2}) for x in starts], axis=1)
@@ -266,7 +271,9 @@ class Table:
                 joint: {role: start + k for k, role in enumerate(roles)}
                 for joint, start in zip(JOINT_SETS[name], starts, strict=True)
             }
-            layout = Layout(joints, {"time": 0} if starts[0] else {})
+            above = [column.role for column in parse(self.cells.names[: starts[0]])]
+            fields = {role: index for index, role in enumerate(above) if role and self._names[index]}
+            layout = Layout(joints, fields or ({"time": 0} if starts[0] else {}))
             found += [(fit, layout) for fit in fits(sample, [name])]
         if found:
             best = clearest(self.path, [fit for fit, _ in found], f"a table with {self.width} columns")
@@ -276,18 +283,43 @@ class Table:
             return [Layout({f"{UNNAMED}0": own}, {})]
         return self._numbered_rows()
 
+    def _rows_with_names(self) -> list[Layout]:
+        """Return the layout of rows of which each has the name of a joint in a cell, and its x, y and z after it."""
+        rows = self.cells.rows[:NAMED_ROWS]
+        numbers = np.array([[np.nan if (each := number(cell)) is None else each for cell in row] for row in rows])
+        steps = np.diff(numbers, axis=0)
+        is_time: NDArray[np.bool_] = np.all(steps >= 0, axis=0) & np.any(steps > 0, axis=0)
+        is_place: NDArray[np.bool_] = np.all(np.isfinite(numbers), axis=0) & ~is_time
+        for joint in np.flatnonzero(np.isnan(numbers).all(axis=0)).tolist():
+            first = next((k for k in range(joint + 1, self.width - 2) if is_place[k : k + 3].all()), None)
+            if first is not None and is_person(list(dict.fromkeys(row[joint] for row in rows))):
+                own = dict(zip(AXES, range(first, first + 3), strict=True))
+                others = [k for k in range(self.width) if k != joint and k not in own.values()]
+                times = [
+                    k for k in others if is_time[k] or (np.isnan(numbers[:, k]).all() and rows[0][k][:1].isdigit())
+                ]
+                states = [k for k in others if k > first and k not in times]
+                own |= {"state": states[0]} if states else {}
+                return [Layout({f"{UNNAMED}0": own}, {"joint": joint} | ({"time": times[0]} if times else {}))]
+        return []
+
     def _numbered_rows(self) -> list[Layout]:
         """Return the layout of rows that have a joint's number, which begins again at 0 or 1, before x, y and z."""
         for column in range(self.width - 3):
-            numbers = [row[column] for row in self.cells.rows]
-            first = int(numbers[0] == "1")
-            count = next((index for index, cell in enumerate(numbers) if index and cell == str(first)), 0)
-            expected = (str(first + index % count) for index in range(3 * count))
-            is_joint = count > 4 and all(cell == each for cell, each in zip(numbers, expected, strict=False))
-            if is_joint and all(number(row[column + 3]) is not None for row in self.cells.rows[:count]):
+            count = self._joints_counted(column)
+            if count and all(number(row[column + 3]) is not None for row in self.cells.rows[:count]):
                 own = self._with_best_depth(column, count)
                 return [Layout({f"{UNNAMED}0": own}, {"joint": column} | ({"time": column - 1} if column else {}))]
         return []
+
+    def _joints_counted(self, column: int) -> int:
+        """Return how many joints a column counts from 0 or 1, again and again; 0 if it does not."""
+        numbers = [row[column] for row in self.cells.rows] if column >= 0 else [""]
+        first = int(numbers[0] == "1")
+        count = next((index for index, cell in enumerate(numbers) if index and cell == str(first)), 0)
+        expected = (str(first + index % count) for index in range(3 * count))
+        is_joint = count > 4 and all(cell == each for cell, each in zip(numbers, expected, strict=False))
+        return count if is_joint else 0
 
     def _with_best_depth(self, column: int, count: int) -> dict[str, int]:
         """Return the columns of x, y and that z, of those after them, with which `count` joints are a person."""

@@ -16,13 +16,22 @@ from numpy.typing import NDArray
 
 from capture.formats import smpl
 from capture.formats._cells import PARTS, DecimalCommaError, UnevenError, number, split
-from capture.formats._columns import AXES, WORDS, Column, of_angles, parse, with_numbers_as_axes, without_prefix
+from capture.formats._columns import (
+    AXES,
+    WORDS,
+    Column,
+    of_angles,
+    parse,
+    with_frames_in_rows,
+    with_numbers_as_axes,
+    without_prefix,
+)
 from capture.formats._rows import Line
 from capture.formats.clips import with_stated_rate
 from capture.formats.joint_sets import MAX_MISFIT, Fit, as_of, clearest, fits, refuse_image
 from capture.formats.layouts import HOLISTIC, JOINT_SETS
 from capture.formats.options import ReadOptions
-from capture.formats.positions import is_person, missing_joints
+from capture.formats.positions import is_person, missing_joints, part_of_a_person
 from puppetline.errors import SkeletonLogError, at
 
 Floats = NDArray[np.float64]
@@ -117,7 +126,8 @@ class Table:
             self.refuse("a table with commas both in numbers and between them", fix)
         if cells is None:
             raise SkeletonLogError(path, found="text without rows of numbers", expected=ROWS, fix=EXPORT)
-        self.cells = cells
+        self._above = "".join(text for at, text in lines if at < cells.lines[0]) if cells.lines else ""
+        self.cells = cells = with_frames_in_rows(cells)
         self.width = len(cells.names)
         self._names = [" ".join(names) for names in cells.names]
         self._known: dict[int, Floats] = {}
@@ -292,7 +302,9 @@ class Table:
         is_place: NDArray[np.bool_] = np.all(np.isfinite(numbers), axis=0) & ~is_time
         for joint in np.flatnonzero(np.isnan(numbers).all(axis=0)).tolist():
             first = next((k for k in range(joint + 1, self.width - 2) if is_place[k : k + 3].all()), None)
-            if first is not None and is_person(list(dict.fromkeys(row[joint] for row in rows))):
+            names = list(dict.fromkeys(row[joint] for row in rows))
+            is_damaged = any(name in self._above for name in names)  # a row without numbers
+            if first is not None and not is_damaged and is_person(names):
                 own = dict(zip(AXES, range(first, first + 3), strict=True))
                 others = [k for k in range(self.width) if k != joint and k not in own.values()]
                 times = [
@@ -414,6 +426,7 @@ class Table:
             for _, starts, _ in self._candidates() if not names else ():
                 points = [self.positions({"x": x, "y": x + 1, "z": x + 2}) for x in starts]
                 refuse_image(self.path, np.stack(points, axis=1))
+            found += part_of_a_person([column.joint for column in columns if column.role == "z"])
             found += as_of(sum(column.role == "z" for column in columns) or (self.width // 3 if not names else 0))
             found += of_angles(named) if names else ""
             roles = {column.role for column in columns}

@@ -19,7 +19,7 @@ from capture.bone_names import find_bones, find_points
 from capture.clip import SkeletonClip
 from capture.formats import image_positions
 from capture.formats.clips import DEFAULT_FPS, build_clip, frame_rate
-from capture.formats.markers import has_markers, joints_of_markers
+from capture.formats.markers import has_markers, joints_of_markers, place_of
 from capture.formats.options import ReadOptions
 from capture.formats.placement import place, size_of, toes_ahead, without_far_frames
 from capture.formats.proportions import (
@@ -68,8 +68,8 @@ Rigs call hand or foot where it begins, at wrist or ankle. In a skeleton that ha
 _HEADS = (("ear_left", "ear_right"), ("eye_left", "eye_right"), ("nose",), ("head_top",))
 """Points whose middle replaces a head that has no name, in order of priority."""
 
-_ELBOWS, _WRISTS, _HANDS, _KNEES = (
-    {f"{joint}_{side}" for side in _SIDES} for joint in ("elbow", "wrist", "hand", "knee")
+_ELBOWS, _WRISTS, _HANDS, _KNEES, _ANKLES = (
+    {f"{joint}_{side}" for side in _SIDES} for joint in ("elbow", "wrist", "hand", "knee", "ankle")
 )
 _REQUIRED = ("hip_center", *(f"shoulder_{side}" for side in _SIDES))
 """Joints without which positions are no person's; elbows too, if there are no wrists and no knees. All others may be
@@ -229,10 +229,19 @@ def refuse_incomplete(path: Path, names: Sequence[str]) -> NoReturn:
     raise SkeletonLogError(
         path,
         found=f"no position for {', '.join(missing_joints(names))} among {listed[:200]}"
-        f"{' …' if len(listed) > 200 else ''}",
+        f"{' …' if len(listed) > 200 else ''}{part_of_a_person(names)}",
         expected="the joints of a person, such as ShoulderLeft, or all markers of Plug-in Gait or OpenSim",
         fix="Export them too, or rename the joints. In a table, --columns names the columns that have them.",
     )
+
+
+def part_of_a_person(names: Sequence[str]) -> str:
+    """Return that names are of legs or of arms only, for messages; "" for others."""
+    places = {f"{place}_{side.lower()}" for place, side in filter(None, map(place_of, names))}
+    found = {*_sources(names)[0], *(place.replace(" sides", "") for place in places)}
+    has_legs, has_arms = (any(found >= own for own in both) for both in ((_KNEES, _ANKLES), (_ELBOWS, _WRISTS, _HANDS)))
+    is_part = has_legs != has_arms and bool(missing_joints(names))
+    return (": legs without arms and shoulders" if has_legs else ": arms without hips and legs") if is_part else ""
 
 
 def _missing(sources: Mapping[str, object]) -> list[str]:

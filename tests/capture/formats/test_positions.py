@@ -133,6 +133,20 @@ def both_sides(*limbs):
     return [[f"{joint}_{side}" for joint in limb] for limb in limbs for side in ("left", "right")]
 
 
+@pytest.mark.parametrize(
+    ("names", "part"),
+    [
+        ("LASI RASI LPSI RPSI LKNE RKNE LANK RANK", "legs without arms and shoulders"),
+        ("pelvis knee_left knee_right ankle_left ankle_right", "legs without arms and shoulders"),
+        ("neck elbow_left elbow_right wrist_left wrist_right", "arms without hips and legs"),
+    ],
+)
+def test_parts_of_a_person_are_called_so(names, part):
+    with pytest.raises(SkeletonLogError) as caught:
+        clip_of(PERSON[:, : len(names.split())], names.split())
+    assert caught.value.found.endswith(f"among {', '.join(names.split())}: {part}")
+
+
 def test_the_first_frame_with_hips_is_the_one_that_is_placed():
     poses = PERSON.copy()
     at(poses, "hip_center")[0] = np.nan

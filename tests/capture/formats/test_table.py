@@ -123,6 +123,11 @@ TIMED = {
     "a rate in a remark": ["# fps: 25.0", "MARKER_NAMES," + heads("{0}"), *wide()],
 }
 TIMELESS = {
+    "a row per coordinate": [
+        f"{joint}_{axis},{','.join(map(str, PERSON[:, k, a]))}"
+        for k, joint in enumerate(JOINTS)
+        for a, axis in enumerate("xyz")
+    ],
     "labels in cells of several lines": [heads("{0}"), *wide('"x: {x}\ny: {y}\nz: {z}\nvisibility: 0.9\n"')],
     "labels in cells": [heads("{0}"), *wide("\"{{'x': {x}, 'y': {y}, 'z': {z}}}\"")],
     "a column of parts": ["parts,x_coords,y_coords,z_coords", *long("{name},{x},{y},{z}", names=JOINTS)],
@@ -315,6 +320,7 @@ WHOLE = [heads(), *wide()]
         (WHOLE[:1], ""),
         (["a,b,c", "1,2,3", "4,5,6"], ""),
         (["some text"], ""),
+        (["0.0;elbow_left", *long("{frame};{name};{x};{y};{z}", names=JOINTS)[6:]], ""),
     ],
 )
 def test_a_damaged_table_is_refused_with_its_line(refused_at, lines, place):

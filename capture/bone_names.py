@@ -57,6 +57,11 @@ _POINTS = {word: point for point, words in TABLE["points"].items() for word in w
 _INNER_ENDS = {word for word, point in _POINTS.items() if point in ("wrist", "ankle")}
 """Words for where a hand or foot begins, which may follow it: ``HandWrist``."""
 
+_INITIALS = dict(zip("sewhka", ("shoulder", "elbow", "wrist", "hip", "knee", "ankle"), strict=True))
+_MIDDLE_INITIALS = {"n": "neck", "h": "head", "p": "pelvis"}
+_SIDED_INITIALS = {f"{side}{initial}" for side in "lr" for initial in _INITIALS}
+"""Names of one or two letters, as in ``LS`` for the left shoulder, of joints that all have such names."""
+
 _KNOWN = _WORDS.keys() | _POINTS.keys()
 _DECORATION, _CONTROLS = (frozenset(TABLE["other"][kind].split()) for kind in ("decoration", "controls"))
 _GLUED_SIDES = (re.compile("(?P<side>left|right|l|r)(?P<own>.+)"), re.compile("(?P<own>.+?)(?P<side>left|right|l|r)"))
@@ -118,7 +123,7 @@ def joint_meanings(names: Sequence[str], moves_vertices: Sequence[bool] = ()) ->
     list of JointMeaning or None
         None for an unknown name, or a control that moves no vertices.
     """
-    split = _without_shared_words([_words(name) for name in names])
+    split = _split(names)
     sided = [_without_side([word for word in words if word not in _DECORATION]) for words in split]
     convention = _convention([(side, "".join(words)) for side, words in sided])
     moves = moves_vertices or [False] * len(names)
@@ -187,7 +192,7 @@ def find_points(names: Sequence[str]) -> dict[str, list[int]]:
         Indices of names by the point in the table, with ``_left`` or ``_right`` if it has a side.
     """
     found: dict[str, list[int]] = {}
-    for index, words in enumerate(_without_shared_words([_words(name) for name in names])):
+    for index, words in enumerate(_split(names)):
         side, own = _without_side(words)
         point = _POINTS.get(_without_digits("".join(own)))
         if not point and len(own) > 1 and own[0] in _WORDS and own[-1] in _INNER_ENDS:
@@ -205,6 +210,15 @@ def _words(name: str) -> list[str]:
     own = own.replace("左", " left ").replace("右", " right ")
     words = [f".{word}" if word.isdigit() else word.lower() for word in _WORD.findall(own)]
     return [one for word in words for one in _CORNERS.get(word, (word,))]
+
+
+def _split(names: Sequence[str]) -> list[list[str]]:
+    """Return the words of names that tell joints apart; initials are replaced by words."""
+    split = _without_shared_words([_words(name) for name in names])
+    keys = ["".join(words) for words in split]
+    if not set(keys) >= {f"{side}{initial}" for side in "lr" for initial in "shk"}:
+        return split
+    return [[key[0], _INITIALS[key[1]]] if key in _SIDED_INITIALS else [_MIDDLE_INITIALS.get(key, key)] for key in keys]
 
 
 def _without_shared_words(split: list[list[str]]) -> list[list[str]]:
@@ -233,7 +247,8 @@ def _without_side(words: list[str]) -> tuple[str | None, list[str]]:
 
 def is_known(key: str) -> bool:
     """Return whether a word in lower case is the name of a joint's part."""
-    return _without_digits(key) in _KNOWN or _FINGER.fullmatch(key) is not None
+    own = _without_digits(key)
+    return own in _KNOWN or own in _SIDED_INITIALS | {"n", "h"} or _FINGER.fullmatch(key) is not None
 
 
 def _without_digits(key: str) -> str:

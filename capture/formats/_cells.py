@@ -44,6 +44,9 @@ MIN_SAME_LENGTH = 5
 MIN_HEADLINES = 2
 """Number of lines with a frame's number or a joint's name, after rows of numbers, from which they begin rows."""
 
+MAX_COUNTS = 3
+"""Largest number of numbers in a line that counts the rows after it."""
+
 SENTENCES_SHARE = 0.8
 """Smallest share of the lines of a text that have the same words and numbers in the same order."""
 
@@ -133,7 +136,7 @@ def split(lines: Sequence[Line]) -> Cells | None:
     separator, rows = _rows(lines)
     count = len(rows)
     first = next((index for index, row in enumerate(rows) if _has_numbers(row)), None)
-    if blocks := _under_headlines(lines):
+    if blocks := _under_headlines(lines) or _under_counts(rows, lines):
         lines, rows, count = blocks
         first, separator = 1, None
     elif first is None:
@@ -247,6 +250,31 @@ def _under_headlines(lines: Sequence[Line]) -> tuple[Sequence[Line], list[list[s
     header = ["frame", "", "joint", *"xyz"] if is_numbered else ["frame", "joint", *"xyz"]
     header += ["visibility"] if width == len(header) + 1 else [""] * (width - len(header))
     return [rows[0][0], *(line for line, _ in rows)], [header, *(row for _, row in rows)], len(found) + 1
+
+
+def _under_counts(
+    rows: Sequence[list[str]], lines: Sequence[Line]
+) -> tuple[Sequence[Line], list[list[str]], int] | None:
+    """Return lines and cells, with a header, of rows below lines of few numbers, one of which counts these rows.
+
+    The rows are the joints or the people of a frame, as in ``4 17`` above 4 people with 17 joints each.
+    """
+    width = len(rows[0])
+    starts = [at for at, row in enumerate(rows) if len(row) == width]
+    counts = [after - at - 1 for at, after in itertools.pairwise([*starts, len(rows)])]
+    told = [[int(cell) if cell.isdecimal() else -1 for cell in rows[at]] for at in starts]
+    is_count = [all(own[k] == count for own, count in zip(told[:-1], counts, strict=False)) for k in range(width)]
+    if width > MAX_COUNTS or len(starts) < MIN_HEADLINES + 1 or not any(is_count) or max(counts) < 1:
+        return None
+    found = [
+        (lines[at + k], [str(frame), str(k - 1), *rows[at + k]])
+        for frame, (at, count) in enumerate(zip(starts, counts, strict=True))
+        for k in range(1, count + 1)
+    ]
+    size = Counter(len(row) for _, row in found).most_common(1)[0][0]
+    kept = [each for each in found if len(each[1]) == size]
+    header = ["frame", "person", *[""] * (size - 2)] if size > 9 else ["frame", "joint", *"xyz", *[""] * (size - 5)]
+    return [kept[0][0], *(line for line, _ in kept)], [header, *(row for _, row in kept)], len(found) + 1
 
 
 def _of_sentences(lines: Sequence[Line]) -> tuple[Sequence[Line], list[list[str]]]:

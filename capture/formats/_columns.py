@@ -3,12 +3,17 @@
 import re
 import tomllib
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 from typing import NamedTuple
 
 from capture.bone_names import is_known
+from capture.formats._cells import Cells
 from capture.formats.positions import is_person
+
+MAX_NAMES = 600
+"""Number of rows up to which these may be the coordinates of joints."""
 
 AXES = ("x", "y", "z")
 AXIS_NUMBERS = ("0", "1", "2"), ("1", "2", "3"), ("", "1", "2"), ("", "", "")
@@ -55,8 +60,12 @@ def parse(names: Sequence[Sequence[str]]) -> list[Column]:
         in_space |= {len(columns)} if "world" in words else set()
         columns.append(_parse(words)._replace(person=person))
     better = {columns[index] for index in in_space}  # than those in the picture
+    is_row = any(column.role == "x" and not column.joint for column in better)  # of one joint
     columns = [
-        Column("") if column in better and column.role and index not in in_space else column
+        Column("")
+        if (column in better and column.role and index not in in_space)
+        or (is_row and column.role in AXES and column.joint)
+        else column
         for index, column in enumerate(columns)
     ]
     placed = {column[1:] for column in columns if column.role in AXES}
@@ -73,6 +82,21 @@ def with_numbers_as_axes(columns: Sequence[Column]) -> list[Column]:
         is_joint = joint[0] and not joint[1] and numbers in AXIS_NUMBERS
         found += [Column(axis, joint[0], joint[2]) for axis in AXES] if is_joint else own
     return found if is_person([column.joint for column in found if column.role == "z"]) else []
+
+
+def with_frames_in_rows(cells: Cells) -> Cells:
+    """Return cells of which a row had the coordinates of a joint over time, after their name, with frames in rows."""
+    names = [row[0] for row in cells.rows]
+    if not is_person([column.joint for column in parse([[name] for name in names[:MAX_NAMES]]) if column.role == "z"]):
+        return cells
+    rows = [list(row) for row in zip(*(row[1:] for row in cells.rows), strict=True)]
+    return replace(
+        cells,
+        names=[[name] for name in names],
+        rows=rows,
+        lines=cells.lines[:1] * len(rows),
+        origin=[*range(len(names))],
+    )
 
 
 def without_prefix(names: Sequence[str]) -> list[str]:

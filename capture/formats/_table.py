@@ -16,13 +16,22 @@ from numpy.typing import NDArray
 
 from capture.formats import smpl
 from capture.formats._cells import PARTS, DecimalCommaError, UnevenError, number, split
-from capture.formats._columns import AXES, WORDS, Column, of_angles, parse, with_numbers_as_axes, without_prefix
+from capture.formats._columns import (
+    AXES,
+    WORDS,
+    Column,
+    of_angles,
+    parse,
+    with_frames_in_rows,
+    with_numbers_as_axes,
+    without_prefix,
+)
 from capture.formats._rows import Line
 from capture.formats.clips import with_stated_rate
 from capture.formats.joint_sets import MAX_MISFIT, Fit, as_of, clearest, fits, refuse_image
 from capture.formats.layouts import HOLISTIC, JOINT_SETS
 from capture.formats.options import ReadOptions
-from capture.formats.positions import is_person, missing_joints
+from capture.formats.positions import is_person, missing_joints, part_of_a_person
 from puppetline.errors import SkeletonLogError, at
 
 Floats = NDArray[np.float64]
@@ -50,6 +59,9 @@ WIDTHS = (3, 4, 7)
 
 _PART = re.compile("((left|right)_)?(hand|face)_.*[0-9]$")
 """Landmarks of a hand or a face, which trackers number apart."""
+
+NAMED_ROWS = 200
+"""Number of rows by which cells are told to be names of joints."""
 
 MAX_MISSING = 2
 """Number of missing joints up to which a table that is no person's is told so."""
@@ -114,7 +126,8 @@ class Table:
             self.refuse("a table with commas both in numbers and between them", fix)
         if cells is None:
             raise SkeletonLogError(path, found="text without rows of numbers", expected=ROWS, fix=EXPORT)
-        self.cells = cells
+        self._above = "".join(text for at, text in lines if at < cells.lines[0]) if cells.lines else ""
+        self.cells = cells = with_frames_in_rows(cells)
         self.width = len(cells.names)
         self._names = [" ".join(names) for names in cells.names]
         self._known: dict[int, Floats] = {}
@@ -184,6 +197,8 @@ class Table:
         if not joints:
             return None
         unnamed = {name: own for name, own in joints.items() if name.startswith(UNNAMED)}
+        if len(joints) == len(unnamed) == 1 and "joint" not in fields and self._joints_counted(fields.get("frame", -1)):
+            fields["joint"] = fields.pop("frame")  # an ID that counts joints
         if len(joints) > len(unnamed):
             joints = {name: own for name, own in joints.items() if name not in unnamed and not _PART.match(name)}
             joints = dict(zip(without_prefix(list(joints)), joints.values(), strict=True))
@@ -256,8 +271,8 @@ class Table:
         named = sum(map(bool, self._names))
         if named in (*range(MAX_EXTRA_COLUMNS + 1, self.width), self.width) and not self._are_numbered():
             return []
-        if groups := self._numbered_groups():
-            return groups
+        if rows := self._rows_with_names() or self._numbered_groups():
+            return rows
         found: list[tuple[Fit, Layout]] = []
         for name, starts, size in self._candidates():
             sample = np.stack([self.positions({"x": x, "y": x + 1, "z": x + 2}) for x in starts], axis=1)
@@ -266,7 +281,9 @@ class Table:
                 joint: {role: start + k for k, role in enumerate(roles)}
                 for joint, start in zip(JOINT_SETS[name], starts, strict=True)
             }
-            layout = Layout(joints, {"time": 0} if starts[0] else {})
+            above = [column.role for column in parse(self.cells.names[: starts[0]])]
+            fields = {role: index for index, role in enumerate(above) if role and self._names[index]}
+            layout = Layout(joints, fields or ({"time": 0} if starts[0] else {}))
             found += [(fit, layout) for fit in fits(sample, [name])]
         if found:
             best = clearest(self.path, [fit for fit, _ in found], f"a table with {self.width} columns")
@@ -276,18 +293,45 @@ class Table:
             return [Layout({f"{UNNAMED}0": own}, {})]
         return self._numbered_rows()
 
+    def _rows_with_names(self) -> list[Layout]:
+        """Return the layout of rows of which each has the name of a joint in a cell, and its x, y and z after it."""
+        rows = self.cells.rows[:NAMED_ROWS]
+        numbers = np.array([[np.nan if (each := number(cell)) is None else each for cell in row] for row in rows])
+        steps = np.diff(numbers, axis=0)
+        is_time: NDArray[np.bool_] = np.all(steps >= 0, axis=0) & np.any(steps > 0, axis=0)
+        is_place: NDArray[np.bool_] = np.all(np.isfinite(numbers), axis=0) & ~is_time
+        for joint in np.flatnonzero(np.isnan(numbers).all(axis=0)).tolist():
+            first = next((k for k in range(joint + 1, self.width - 2) if is_place[k : k + 3].all()), None)
+            names = list(dict.fromkeys(row[joint] for row in rows))
+            is_damaged = any(name in self._above for name in names)  # a row without numbers
+            if first is not None and not is_damaged and is_person(names):
+                own = dict(zip(AXES, range(first, first + 3), strict=True))
+                others = [k for k in range(self.width) if k != joint and k not in own.values()]
+                times = [
+                    k for k in others if is_time[k] or (np.isnan(numbers[:, k]).all() and rows[0][k][:1].isdigit())
+                ]
+                states = [k for k in others if k > first and k not in times]
+                own |= {"state": states[0]} if states else {}
+                return [Layout({f"{UNNAMED}0": own}, {"joint": joint} | ({"time": times[0]} if times else {}))]
+        return []
+
     def _numbered_rows(self) -> list[Layout]:
         """Return the layout of rows that have a joint's number, which begins again at 0 or 1, before x, y and z."""
         for column in range(self.width - 3):
-            numbers = [row[column] for row in self.cells.rows]
-            first = int(numbers[0] == "1")
-            count = next((index for index, cell in enumerate(numbers) if index and cell == str(first)), 0)
-            expected = (str(first + index % count) for index in range(3 * count))
-            is_joint = count > 4 and all(cell == each for cell, each in zip(numbers, expected, strict=False))
-            if is_joint and all(number(row[column + 3]) is not None for row in self.cells.rows[:count]):
+            count = self._joints_counted(column)
+            if count and all(number(row[column + 3]) is not None for row in self.cells.rows[:count]):
                 own = self._with_best_depth(column, count)
                 return [Layout({f"{UNNAMED}0": own}, {"joint": column} | ({"time": column - 1} if column else {}))]
         return []
+
+    def _joints_counted(self, column: int) -> int:
+        """Return how many joints a column counts from 0 or 1, again and again; 0 if it does not."""
+        numbers = [row[column] for row in self.cells.rows] if column >= 0 else [""]
+        first = int(numbers[0] == "1")
+        count = next((index for index, cell in enumerate(numbers) if index and cell == str(first)), 0)
+        expected = (str(first + index % count) for index in range(3 * count))
+        is_joint = count > 4 and all(cell == each for cell, each in zip(numbers, expected, strict=False))
+        return count if is_joint else 0
 
     def _with_best_depth(self, column: int, count: int) -> dict[str, int]:
         """Return the columns of x, y and that z, of those after them, with which `count` joints are a person."""
@@ -382,6 +426,7 @@ class Table:
             for _, starts, _ in self._candidates() if not names else ():
                 points = [self.positions({"x": x, "y": x + 1, "z": x + 2}) for x in starts]
                 refuse_image(self.path, np.stack(points, axis=1))
+            found += part_of_a_person([column.joint for column in columns if column.role == "z"])
             found += as_of(sum(column.role == "z" for column in columns) or (self.width // 3 if not names else 0))
             found += of_angles(named) if names else ""
             roles = {column.role for column in columns}

@@ -6,7 +6,7 @@ Positions have the axes frames, joints and x y z in any order, perhaps people, a
 
 import itertools
 import zipfile
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn
@@ -21,11 +21,13 @@ from capture.formats._columns import of_angles
 from capture.formats._files import opened
 from capture.formats._mat5 import Mat5Error, Variable, variables
 from capture.formats.clips import with_stated_rate
+from capture.formats.joint_order import COUNTS, names_by_shape
 from capture.formats.joint_sets import Fit, as_of, clearest, fits
 from capture.formats.layouts import JOINT_SETS
 from capture.formats.options import ReadOptions
-from capture.formats.positions import clip_of_positions, is_person
+from capture.formats.positions import clip_of_positions, is_person, part_of_a_person
 from capture.formats.proportions import refuse_flat
+from capture.formats.skeleton_joints import BY_SHAPE_NOTE
 from capture.formats.table import confidence_of
 from puppetline.errors import SkeletonLogError
 
@@ -89,19 +91,20 @@ def _of_arrays(path: Path, arrays: Arrays, options: ReadOptions) -> list[Skeleto
     arrays = {**arrays, **_joined(arrays)}
     if parameters := smpl.parameters(arrays) or smpl.in_rows(arrays.get("", np.empty(0))):
         return [smpl.clip_of(path, "arrays", parameters, options, notes)]
-    for names, points in _named(arrays):
-        return [clip_of_positions(path, "arrays", names, points, options, notes=notes)]
+    for own_names, points in _named(arrays):
+        return [clip_of_positions(path, "arrays", own_names, points, options, notes=notes)]
     if fits(joints := _of_features(arrays), ["smpl_22"]):
         options = replace(options, fps=options.fps or HUMANML3D_FPS)
         notes = (*notes, f"Features of HumanML3D, which has {HUMANML3D_FPS:g} frames per second.")
         arrays = {"": joints}
-    name, people = _people(path, arrays, options)
+    names, people = _people(path, arrays, options)
+    notes = notes if all(names) else (*notes, BY_SHAPE_NOTE)
     return [
         replace(
             clip_of_positions(
                 path,
                 "arrays",
-                JOINT_SETS[name],
+                names,
                 person[..., :3],
                 options,
                 confidence=confidence_of(person[..., 3]) if person.shape[2] > 3 else None,
@@ -225,8 +228,8 @@ def _of_features(arrays: Arrays) -> NDArray[np.float64]:
     return np.empty((0, 22, 3))
 
 
-def _people(path: Path, arrays: Arrays, options: ReadOptions) -> tuple[str, list[NDArray[np.float64]]]:
-    """Return the joint set of the array that is a person's joints, and the people (T, J, 3 or 4) in it."""
+def _people(path: Path, arrays: Arrays, options: ReadOptions) -> tuple[Sequence[str], list[NDArray[np.float64]]]:
+    """Return the names of the joints of the array that is a person's, "" for others, and its people (T, J, 3 or 4)."""
     found: list[tuple[Fit, list[NDArray[np.float64]]]] = []
     for array in _of_points(arrays):
         for people in _orders(array):
@@ -237,10 +240,14 @@ def _people(path: Path, arrays: Arrays, options: ReadOptions) -> tuple[str, list
             ]
             known = max(people, key=lambda person: np.count_nonzero(np.nan_to_num(person)))
             found += [(fit, people) for fit in fits(known[..., :3], sets)]
+    for array in () if found or options.joints else _of_points(arrays):
+        for people in _orders(array, COUNTS) if array.ndim == 3 else ():
+            if is_person(names := names_by_shape(people[0][..., :3])):
+                return names, people
     if not found:
         _refuse(path, arrays, options)
     best = clearest(path, [fit for fit, _ in found], describe(arrays))
-    return next((fit.name, people) for fit, people in found if fit is best)
+    return next((JOINT_SETS[fit.name], people) for fit, people in found if fit is best)
 
 
 def _joined(arrays: Arrays) -> Arrays:
@@ -308,7 +315,8 @@ def _refuse(path: Path, arrays: Arrays, options: ReadOptions) -> NoReturn:
         if len(shape) == 3 and shape[-1] == 3 and array.dtype.kind in "fiu" and array.size <= MAX_BYTES // 8:
             refuse_flat(path, np.squeeze(array).astype(np.float64))
     counts = [shape[-2] for shape in shapes if len(shape) > 2 and shape[-1] == 3]
-    found, fix = f"{describe(arrays)}{next(filter(None, map(as_of, counts)), '') or of_angles(list(arrays))}", ""
+    kind = next(filter(None, map(as_of, counts)), "") or of_angles(list(arrays))
+    found, fix = f"{describe(arrays)}{kind or part_of_a_person([name.rsplit('.')[-1] for name in arrays])}", ""
     if any(shape[-1:] == (2,) and shape[-2:-1] and shape[-2] in _SIZES for shape in shapes):
         found, fix = f"{found}, positions in an image (2D)", "Use positions in space, or the video itself."
     elif any(shape[-1:] == (HUMANML3D_FEATURES,) for shape in shapes):

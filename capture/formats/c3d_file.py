@@ -81,7 +81,7 @@ def _markers_only(reader: type[Any]) -> type[Any]:
     """Return a reader that leaves out forces, and takes the scale of the markers from the header.
 
     The library refuses files with scales that are stored as integers; the header's is always a float. It also refuses
-    numbers of frames that are stored as a table of one row.
+    numbers of frames that are stored as a table of one row, and two different rates of forces.
     """
 
     class MarkerReader(reader):  # type: ignore[misc]
@@ -94,6 +94,10 @@ def _markers_only(reader: type[Any]) -> type[Any]:
             if str(group).startswith("TRIAL:ACTUAL_") and parameter is not None:
                 parameter.dimensions[:] = [math.prod(parameter.dimensions)]
             return parameter
+
+        @property
+        def analog_rate(self) -> float:
+            return float(self.header.analog_per_frame * self.point_rate)
 
         def get_analog_transform(self) -> tuple[float, float]:
             return 1.0, 0.0

@@ -15,7 +15,8 @@ from capture.orientations import unit_or_unknown, unknown
 from capture.skeleton import INFERRED, LOST, SkeletonFrame
 from puppetline.errors import SkeletonLogError
 
-_RATE = re.compile("(mocap_?)?(freq|frequency|fps|frame_?rate|sampl(e|ing)_?rate)|trajectories")
+_OF = "camera|capture|clip|data|mocap|motion|original|recording|source|video"
+_RATE = re.compile(f"(({_OF})_?)?(freq|frequency|fps|frame_?rate|sampl(e|ing)_?rate)|trajectories")
 """Names of values that are the number of frames per second; Vicon Nexus writes it below the last one."""
 
 MAX_RATE, _STATED = 1000, "The file states {:g} frames per second."

@@ -43,6 +43,7 @@ _KINDS: tuple[tuple[bytes, str, str], ...] = (
     (rb"\x89PNG|\xff\xd8\xff|GIF8|BM|RIFF....WEBP", "a picture", "Use a recording, or a video of a performer."),
     (rb"RIFF....WAVE|ID3|OggS|fLaC", "a sound", "Use a recording of joints, or a video of a performer."),
     (rb'"?\[+\s*-?[\d.]+(e[-+]?\d+)?\s+-?[\d.]', "arrays as NumPy prints them", _AS_NUMBERS),
+    (rb"torch\.Size\(|tensor\(", "tensors as PyTorch prints them", _AS_NUMBERS),
     (rb"glTF|" + GLTF, "a glTF file", "Use it as a character; export its motion as BVH to use it as a recording."),
     (rb"\xd0\xcf\x11\xe0", "an Office file", "Save the sheet as CSV."),
     (rb"%PDF", "a PDF", EXPORT),

@@ -38,9 +38,8 @@ MAX_REACH_METRES = 1.2
 
 def matches(head: bytes) -> bool:
     """Return whether a file's head is a list with the bodies of this format."""
-    return (
-        head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"[") and b'"bodyIndex"' in head and b'"joints"' in head
-    )
+    is_list = head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"[")
+    return is_list and b'"bodyIndex"' in head and b'"joints"' in head and b'"cameraX"' not in head
 
 
 def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:

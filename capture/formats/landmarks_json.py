@@ -41,9 +41,13 @@ _HINT = re.compile(
     re.IGNORECASE,
 )
 _CONFIDENCES = ("visibility", "confidence", "score", "presence", "c", "v", "likelihood")
-_TIMES = ("time", "timestamp", "timestamp_ms", "timestampMs", "t", "time_s", "time_ms", "frame_time", "timestamp_usec")
+_TIMES = (
+    *("time", "timestamp", "timestamp_ms", "timestampMs", "t", "time_s", "time_ms", "frame_time", "timestamp_usec"),
+    "record_timestamp",
+)
 _FRAMES = ("frame", "frame_id", "frame_index", "frameNumber", "index")
-_IDS = ("person_id", "track_id", "id", "body_id", "user")
+_PERSON_IDS = ("person_id", "track_id", "trackingId", "body_id", "user")
+_IDS = (*_PERSON_IDS, "id")
 _POSITIONS = (
     "position",
     "positions",
@@ -236,7 +240,8 @@ def clips_of(path: Path, log_format: str, document: Any, options: ReadOptions) -
     people: dict[int, list[tuple[int, dict[str, Any], _Pose]]] = {}
     for index, frame in enumerate(_frames(document)):
         for order, (owner, pose) in enumerate(_poses(frame)):
-            user = next((owner[key] for key in _IDS if isinstance(owner.get(key), int)), order)
+            keys = _PERSON_IDS if owner is frame else _IDS  # a frame's own id may be its number
+            user = next((int(owner[key]) for key in keys if str(owner.get(key, "")).isdecimal()), order)
             people.setdefault(user, []).append((index, frame if isinstance(frame, dict) else {}, pose))
     return [replace(_clip(path, log_format, seen, options), user=user) for user, seen in people.items()]
 
@@ -322,7 +327,7 @@ def _name(value: dict[str, Any]) -> str:
 def _poses(value: Any, depth: int = MAX_DEPTH) -> list[tuple[dict[str, Any], _Pose]]:
     """Return the poses of the people in a frame, each with the object that has it."""
     if (pose := _pose(value)) is not None:
-        return [({}, pose)]
+        return [(value if isinstance(value, dict) else {}, pose)]
     if depth == 0:
         return []
     if isinstance(value, list):

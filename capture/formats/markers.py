@@ -58,7 +58,7 @@ def joints_of_markers(names: Sequence[str], positions: Floats) -> dict[str, Floa
 
 def has_markers(names: Sequence[str]) -> bool:
     """Return whether names are those of the markers of a whole body."""
-    places = {place for place in map(_place, _own(names)) if place is not None}
+    places = {place for place in map(place_of, _own(names)) if place is not None}
     pelvis = {("hip", "Left"), ("hip", "Right")}, {("front", "Left"), ("front", "Right")}
     has_pelvis = pelvis[0] <= places or (pelvis[1] <= places and {"back", "sacrum"} & {place for place, _ in places})
     both = {
@@ -75,7 +75,7 @@ def _own(names: Sequence[str]) -> list[str]:
     return [name.split("_", maxsplit=1)[-1] for name in own] if is_shared else own
 
 
-def _place(name: str) -> tuple[str, str] | None:
+def place_of(name: str) -> tuple[str, str] | None:
     """Return what a marker is at, and its side; None for others."""
     words = [word.lower() for word in _WORD.findall(_CORNER.sub(r"\1_\2", name))]
     side = next((word for word in words if word in _SIDES), "")
@@ -97,7 +97,7 @@ def _joints(names: Sequence[str], positions: Floats) -> dict[str, Floats]:
     known = np.where((positions == 0).all(axis=2, keepdims=True), np.nan, positions)
     found: dict[tuple[str, str], list[Floats]] = {}
     for index, name in enumerate(_own(names)):
-        if (place := _place(name)) is not None and np.isfinite(known[:, index]).any():
+        if (place := place_of(name)) is not None and np.isfinite(known[:, index]).any():
             found.setdefault(place, []).append(known[:, index])
     middle = {place: np.mean(each, axis=0) for place, each in found.items()}
     joints = {}

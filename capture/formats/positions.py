@@ -19,7 +19,7 @@ from capture.bone_names import find_bones, find_points
 from capture.clip import SkeletonClip
 from capture.formats import image_positions
 from capture.formats.clips import DEFAULT_FPS, build_clip, frame_rate
-from capture.formats.markers import has_markers, joints_of_markers
+from capture.formats.markers import has_markers, joints_of_markers, place_of
 from capture.formats.options import ReadOptions
 from capture.formats.placement import place, size_of, toes_ahead, without_far_frames
 from capture.formats.proportions import (
@@ -68,13 +68,34 @@ Rigs call hand or foot where it begins, at wrist or ankle. In a skeleton that ha
 _HEADS = (("ear_left", "ear_right"), ("eye_left", "eye_right"), ("nose",), ("head_top",))
 """Points whose middle replaces a head that has no name, in order of priority."""
 
-_ELBOWS, _WRISTS, _HANDS, _KNEES = (
-    {f"{joint}_{side}" for side in _SIDES} for joint in ("elbow", "wrist", "hand", "knee")
+_ELBOWS, _WRISTS, _HANDS, _KNEES, _ANKLES = (
+    {f"{joint}_{side}" for side in _SIDES} for joint in ("elbow", "wrist", "hand", "knee", "ankle")
 )
 _REQUIRED = ("hip_center", *(f"shoulder_{side}" for side in _SIDES))
-"""Joints without which positions are no person's; elbows too, if there are wrists or no knees. All others may be lost,
-and the hips of a body with a head, elbows and wrists.
+"""Joints without which positions are no person's; elbows too, if there are no wrists and no knees. All others may be
+lost, and the hips of a body with a head, elbows and wrists.
 """
+
+
+def _share(joint: str, other: str) -> float:
+    """Return how far a joint is along a straight limb from the joint before to another one after, as a share."""
+    length = TYPICAL_BONE_METRES[joint]
+    return length / (length + TYPICAL_BONE_METRES[other])
+
+
+_BETWEEN: tuple[tuple[str, str, str, float], ...] = (
+    *((joint, *pair, 0.5 if joint != "spine" else SPINE_SHARE) for joint, pair in MIDPOINTS.items()),
+    *(
+        (f"{joint}_{side}", f"{before}_{side}", f"{after}_{side}", share)
+        for side in _SIDES
+        for joint, before, after, share in (
+            ("elbow", "shoulder", "wrist", _share("elbow", "wrist")),
+            ("wrist", "elbow", "hand", WRIST_SHARE),
+            ("knee", "hip", "ankle", _share("knee", "ankle")),
+        )
+    ),
+)
+"""Joints that are placed between two others if they have no position, and how far from the first one, as a share."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,17 +229,28 @@ def refuse_incomplete(path: Path, names: Sequence[str]) -> NoReturn:
     raise SkeletonLogError(
         path,
         found=f"no position for {', '.join(missing_joints(names))} among {listed[:200]}"
-        f"{' …' if len(listed) > 200 else ''}",
+        f"{' …' if len(listed) > 200 else ''}{part_of_a_person(names)}",
         expected="the joints of a person, such as ShoulderLeft, or all markers of Plug-in Gait or OpenSim",
         fix="Export them too, or rename the joints. In a table, --columns names the columns that have them.",
     )
 
 
+def part_of_a_person(names: Sequence[str]) -> str:
+    """Return that names are of legs or of arms only, for messages; "" for others."""
+    places = {f"{place}_{side.lower()}" for place, side in filter(None, map(place_of, names))}
+    found = {*_sources(names)[0], *(place.replace(" sides", "") for place in places)}
+    has_legs, has_arms = (any(found >= own for own in both) for both in ((_KNEES, _ANKLES), (_ELBOWS, _WRISTS, _HANDS)))
+    is_part = has_legs != has_arms and bool(missing_joints(names))
+    return (": legs without arms and shoulders" if has_legs else ": arms without hips and legs") if is_part else ""
+
+
 def _missing(sources: Mapping[str, object]) -> list[str]:
     found = {*sources, *(joint for joint, pair in MIDPOINTS.items() if sources.keys() >= set(pair))}
     found |= {"hip_center"} if {"head", *_ELBOWS, *_WRISTS} <= found else set()
-    needs_elbows = bool(found & (_WRISTS | _HANDS)) or not found >= _KNEES
-    return [joint for joint in (*_REQUIRED, *(sorted(_ELBOWS) if needs_elbows else ())) if joint not in found]
+    ends = {f"elbow_{side}" for side in _SIDES if found & {f"wrist_{side}", f"hand_{side}"}}
+    needs_elbows = bool(ends) or not found >= _KNEES
+    required = (*_REQUIRED, *(sorted(_ELBOWS - ends) if needs_elbows else ()))
+    return [joint for joint in required if joint not in found]
 
 
 def _is_origin(positions: Floats, at_origin: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -272,31 +304,20 @@ def _fill(points: Floats, sure: NDArray[np.float32], sources: dict[str, tuple[in
     if not sources.keys() & {"hip_center", "hip_left"}:
         _place_hips(points, sure)
         notes.append("No position for the hips. They are placed below the shoulders.")
-    for joint, pair in MIDPOINTS.items():
-        if joint not in sources:
-            one, other = (JOINT_INDEX[each] for each in pair)
-            share = SPINE_SHARE if joint == "spine" else 0.5
+    known = {*sources, "hip_left", "hip_right"}
+    for joint, before, after, share in _BETWEEN:
+        if joint not in known and (joint in MIDPOINTS or known >= {before, after}):
+            one, other = JOINT_INDEX[before], JOINT_INDEX[after]
             points[:, JOINT_INDEX[joint]] = (1 - share) * points[:, one] + share * points[:, other]
             sure[:, JOINT_INDEX[joint]] = np.minimum(sure[:, [one, other]].min(axis=1), INFERRED)
-            notes.append(f"No position for {joint}. It is placed between {pair[0]} and {pair[1]}.")
-    for side in _SIDES:
-        if f"hand_{side}" in sources and f"wrist_{side}" not in sources:
-            elbow, wrist, hand = (JOINT_INDEX[f"{joint}_{side}"] for joint in ("elbow", "wrist", "hand"))
-            points[:, wrist] = (1 - WRIST_SHARE) * points[:, elbow] + WRIST_SHARE * points[:, hand]
-            sure[:, wrist] = np.minimum(sure[:, [elbow, hand]].min(axis=1), INFERRED)
+            notes.append(f"No position for {joint}. It is placed between {before} and {after}.")
+            known.add(joint)
     if "head" not in sources:
         neck, hips = JOINT_INDEX["shoulder_center"], JOINT_INDEX["hip_center"]
         points[:, JOINT_INDEX["head"]] = points[:, neck] + NECK_SHARE * (points[:, neck] - points[:, hips])
         sure[:, JOINT_INDEX["head"]] = np.minimum(sure[:, [neck, hips]].min(axis=1), INFERRED)
         notes.append("No position for the head. It continues the neck.")
-    placed = {
-        "head",
-        "hip_left",
-        "hip_right",
-        *MIDPOINTS,
-        *(f"wrist_{side}" for side in _SIDES if f"hand_{side}" in sources),
-    }
-    lost = [joint for joint in JOINTS if joint not in sources and joint not in placed]
+    lost = [joint for joint in JOINTS if joint not in known | {"head"}]
     notes += [f"No position for {joint}. It is lost." for joint in lost]
     return tuple(notes)
 

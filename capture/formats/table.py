@@ -10,7 +10,7 @@ A position that is empty, NaN or 0 0 0 is lost. `capture.formats.positions` find
 
 from collections.abc import Sequence
 from dataclasses import replace
-from datetime import datetime
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import NamedTuple
 
@@ -39,6 +39,9 @@ UNITS_PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ticks": 1e7, "ns": 1e9}
 
 ROWS_OF_KIND = 100
 """Number of rows by which four numbers of a joint are told to be rotations."""
+
+EACH_ROW_SHARE = 0.5
+"""Share of rows of a joint with times of their own from which these do not tell frames apart."""
 
 MAX_FRAME_STEP = 7
 """Largest common step between numbers of frames; times in milliseconds have larger ones."""
@@ -239,6 +242,8 @@ def _with_a_row_per_joint(
     texts = {role: table.texts(layout, role) for role in ("joint", "frame", "time")}
     joints = [texts["joint"][row] for row in rows] if texts["joint"] else [""] * len(rows)
     keys = [tuple(texts[role][row] for role in ("frame", "time") if texts[role]) for row in rows]
+    if texts["joint"] and len(set(keys)) > EACH_ROW_SHARE * len(keys):  # the moments of joints, not of frames
+        keys = [()] * len(rows)
     if not (texts["joint"] or keys[0]):
         count = table.joints_per_frame(layout)
         joints = [str(index % count) for index in range(len(rows))]
@@ -291,7 +296,13 @@ def moments(texts: Sequence[str]) -> Floats | None:
         found = np.array(values, dtype=np.float64)
         return found if np.isfinite(found).all() else None
     try:
-        stamps = [datetime.fromisoformat(text if "-" in text else f"2000-01-01T{text}") for text in texts]
+        stamps = list(map(_stamp, texts))
         return np.array([(stamp - stamps[0]).total_seconds() for stamp in stamps])
     except (ValueError, TypeError):
         return None
+
+
+def _stamp(text: str) -> datetime:
+    """Return the moment that a date, a time of day, or a duration such as ``0 days 00:00:40.129`` tells."""
+    days, _, clock = text.rpartition("days ")
+    return datetime.fromisoformat(clock if "-" in clock else f"2000-01-01T{clock}") + timedelta(days=int(days or 0))

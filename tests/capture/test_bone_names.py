@@ -106,6 +106,25 @@ def test_a_word_before_all_or_most_names_says_nothing(word, others):
     assert find_bones([*(word + name for name in names), *others]) == find_bones(names)
 
 
+LIMBS = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
+
+
+@pytest.mark.parametrize("form", ["{side}{joint}", "{side}_{joint}"])
+def test_initials_are_names_if_all_joints_have_such(form):
+    names = {
+        **{
+            form.format(side=side[0], joint=joint[0]): f"{side}_{joint}"
+            for side in ("left", "right")
+            for joint in LIMBS
+        },
+        "n": "neck",
+        "h": "head",
+    }
+    assert find_bones(list(names)) == find_bones(list(names.values()))
+    assert find_points(list(names)) == find_points(list(names.values()))
+    assert not find_bones([name for name in names if "k" not in name])
+
+
 def test_a_wrist_or_ankle_may_follow_the_part_that_begins_there():
     names = ["Body_LeftHandWrist", "Body_RightFootAnkle", "Body_LeftHandPalm", "Body_RightHandWristTwist", "Body_Head"]
     assert find_points(names) == {"wrist_left": [0], "ankle_right": [1]}

@@ -13,11 +13,13 @@ from scipy.spatial.transform import Rotation
 from capture.formats import arrays, smpl
 from capture.formats.layouts import JOINT_SETS
 from capture.formats.proportions import bone_ratios
+from capture.formats.skeleton_joints import BY_SHAPE_NOTE
 from capture.skeleton import JOINT_INDEX, JOINTS
 from puppetline.errors import SkeletonLogError
 
 from ..bodies import both
 from .people import LIMBS, PERSON, assert_reads, joints_as
+from .test_joint_order import moving
 
 
 def written(function, *content, **named):
@@ -213,3 +215,11 @@ def test_an_unknown_order_of_joints_is_refused(read, swapped):
     points[:, [one, other]] = points[:, [other, one]]
     with pytest.raises(SkeletonLogError, match="name the order with --joints"):
         read(arrays, npy(points))
+
+
+def test_joints_in_an_unknown_order_are_told_by_the_bones(read):
+    points = moving()[:, [3, *range(20), 7]]
+    order = np.random.default_rng(4).permutation(points.shape[1])
+    [clip] = read(arrays, mat({"skeleton": 1000 * points[:, order].transpose(1, 2, 0)}))
+    assert BY_SHAPE_NOTE in clip.notes
+    assert_allclose(np.diff(clip.positions[:, LIMBS], axis=0), np.diff(moving()[:, LIMBS], axis=0), atol=1e-6)

@@ -87,7 +87,14 @@ def with_the_number_of_frames_in_a_table_of_one_row(content):
     content[start:start] = own + field
 
 
-@pytest.mark.parametrize("change", [with_integer_scales, with_the_number_of_frames_in_a_table_of_one_row])
+def with_two_rates_of_forces(content):
+    content[18:20] = b"\5\0"  # in the header, samples of forces per frame
+
+
+CHANGES = [with_integer_scales, with_the_number_of_frames_in_a_table_of_one_row, with_two_rates_of_forces]
+
+
+@pytest.mark.parametrize("change", CHANGES)
 def test_what_laboratories_write_otherwise_makes_no_difference(tmp_path, change):
     content = bytearray(write(tmp_path / "a.c3d").read_bytes())
     change(content)

@@ -44,6 +44,8 @@ CONTENTS = {
     "in an image ": b"0,1,2\n" + b'"[0.1, 0.2]","[0.2, 0.3]","[0.3, 0.4]"\n' * 9,
     "20 × 2 numbers in a line: positions in an image": 9 * (b"|[" + b", ".join([b"(1.5, 2.5)"] * 20) + b"]|\n"),
     "arrays as NumPy prints them": 9 * b"[-0.71 -3.6e-01  0.44],[ 0.21 0.17 0.51]\n",
+    "tensors as PyTorch prints them": 9
+    * b"torch.Size([2, 3])\ntensor([[-0.1186,  0.0940,  4.4153],\n [1., 2., 3.]])\n",
     "BVH without its skeleton": b"MOTION\nFrames: 9\nFrame Time: 0.04\n" + 9 * b"0 0 0 1.5\n",
     "17 × 3 numbers in a line, the third a score: positions in an image": b"frame,keypoints\n"
     + 9 * (b'0,"[' + b", ".join([b"[0.38, 0.46, 0.04]"] * 17) + b']"\n'),

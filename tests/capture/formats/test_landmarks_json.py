@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from capture.formats import landmarks_json
+from capture.formats import kinect_v2_json, landmarks_json
 from capture.formats.layouts import JOINT_SETS
 from capture.skeleton import JOINT_INDEX, JOINTS
 from puppetline.errors import SkeletonLogError
@@ -123,6 +123,7 @@ def test_a_document_may_be_a_table_or_have_points_as_texts_and_matrices(read, fo
     "document",
     [
         {"fps": 60, "frames": [named(pose, JOINTS) for pose in PERSON.tolist()]},
+        {"clip_fps": 60, "frames": [named(pose, JOINTS) for pose in PERSON.tolist()]},
         {"header": {"Frame Rate": 60}, "data": PERSON.reshape(len(PERSON), -1).tolist()},
         {"sampleRate": 60.0, "frames": [named(pose, "xyz") for pose in PERSON.swapaxes(1, 2).tolist()]},
         {
@@ -337,3 +338,19 @@ def test_meta_quests_body_is_read_with_names_or_numbers(read, form, count):
     seen = [JOINT_INDEX[joint] for joint in seen]
     assert_reads(clip, joints=seen)
     assert (np.delete(clip.confidence, [*seen, JOINT_INDEX["spine"]], axis=1) < 1).all()
+
+
+def test_each_entry_of_a_list_may_be_a_person_with_a_number_and_a_time(read):
+    joints = [[{"cameraX": x, "cameraY": y, "cameraZ": z, "depthX": 0.5} for x, y, z in pose] for pose in PERSON]
+    bodies = [
+        {"bodyIndex": user, "trackingId": str(70 + user), "joints": pose, "record_timestamp": 1000 + 40 * k}
+        for k, pose in enumerate(joints)
+        for user in (0, 1)
+    ]
+    content = json.dumps(bodies)
+    assert not kinect_v2_json.matches(content.encode())
+    assert landmarks_json.matches(content.encode())
+    clips = read(landmarks_json, content)
+    assert [clip.user for clip in clips] == [70, 71]
+    for clip in clips:
+        assert_reads(clip, step=1 / 25)

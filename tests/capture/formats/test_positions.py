@@ -117,6 +117,36 @@ def test_a_person_without_arms_has_no_arms():
     assert np.isnan(np.delete(clip.positions, own, axis=1)).all()
 
 
+def test_limbs_without_a_middle_are_straight():
+    names = [joint for joint in JOINTS if not joint.startswith(("elbow", "knee"))]
+    own = [JOINT_INDEX[joint] for joint in names]
+    clip = clip_of(PERSON[:, own], names)
+    assert_reads(clip, joints=own, atol=1e-12)
+    for joint, before, after in both_sides(("elbow", "shoulder", "wrist"), ("knee", "hip", "ankle")):
+        lengths = [TYPICAL_BONE_METRES[name.rpartition("_")[0]] for name in (joint, after)]
+        start, end = at(PERSON, before), at(PERSON, after)
+        assert_allclose(at(clip.positions, joint), start + lengths[0] / sum(lengths) * (end - start), atol=1e-12)
+        assert f"No position for {joint}. It is placed between {before} and {after}." in clip.notes
+
+
+def both_sides(*limbs):
+    return [[f"{joint}_{side}" for joint in limb] for limb in limbs for side in ("left", "right")]
+
+
+@pytest.mark.parametrize(
+    ("names", "part"),
+    [
+        ("LASI RASI LPSI RPSI LKNE RKNE LANK RANK", "legs without arms and shoulders"),
+        ("pelvis knee_left knee_right ankle_left ankle_right", "legs without arms and shoulders"),
+        ("neck elbow_left elbow_right wrist_left wrist_right", "arms without hips and legs"),
+    ],
+)
+def test_parts_of_a_person_are_called_so(names, part):
+    with pytest.raises(SkeletonLogError) as caught:
+        clip_of(PERSON[:, : len(names.split())], names.split())
+    assert caught.value.found.endswith(f"among {', '.join(names.split())}: {part}")
+
+
 def test_the_first_frame_with_hips_is_the_one_that_is_placed():
     poses = PERSON.copy()
     at(poses, "hip_center")[0] = np.nan

@@ -98,6 +98,12 @@ TIMED = {
     ],
     "names repeated and numbered": ["time," + heads("{0},{0}.1,{0}.2"), *wide(lead="{time},")],
     "names repeated": ["time," + heads("{0},{0},{0}"), *wide(lead="{time},")],
+    "durations": ["timestamp," + heads(), *wide(lead="0 days 00:00:{time:09.6f}000,")],
+    "rows with names, moments and decimal commas": [
+        f"{row.replace('.', ',')};12:00:{k / 25 + joint / 1000:09.6f};Tracked"
+        for k, rows in enumerate(cells("{name};{x:.12f};{y:.12f};{z:.12f}", PERSON, TITLES))
+        for joint, row in enumerate(rows)
+    ],
     "Motive 1.x": motive(("Type", "Name", "ID")),
     "Motive 2.x": motive(("Type", "Name", "ID", "Parent")),
     "decimal commas among commas": [
@@ -117,6 +123,11 @@ TIMED = {
     "a rate in a remark": ["# fps: 25.0", "MARKER_NAMES," + heads("{0}"), *wide()],
 }
 TIMELESS = {
+    "a row per coordinate": [
+        f"{joint}_{axis},{','.join(map(str, PERSON[:, k, a]))}"
+        for k, joint in enumerate(JOINTS)
+        for a, axis in enumerate("xyz")
+    ],
     "labels in cells of several lines": [heads("{0}"), *wide('"x: {x}\ny: {y}\nz: {z}\nvisibility: 0.9\n"')],
     "labels in cells": [heads("{0}"), *wide("\"{{'x': {x}, 'y': {y}, 'z': {z}}}\"")],
     "a column of parts": ["parts,x_coords,y_coords,z_coords", *long("{name},{x},{y},{z}", names=JOINTS)],
@@ -152,6 +163,10 @@ LANDMARKS = {
     "positions in space among others": [
         heads(",".join(SPACE), BLAZEPOSE),
         *wide("0.5,0.4,0.01,{x},{y},{z},1,2,3", POINTS),
+    ],
+    "rows with an ID and positions in space among others": [
+        "Sample,ID,Pixel_X,Pixel_Y,Norm_X,Norm_Y,Norm_Z,World_X,World_Y,World_Z",
+        *long("1,{name},300,200,0.5,0.4,0.1,{x},{y},{z}", POINTS),
     ],
     "hands in some frames": [
         ",".join(
@@ -210,6 +225,16 @@ def test_performers_may_have_columns_of_their_own(read):
     assert (one.user, other.user) == (0, 1)
     assert_reads(one, step=1 / 25)
     assert_reads(other, PERSON + RIGHT, step=1 / 25)
+
+
+def test_a_line_may_count_the_people_or_the_joints_after_it(read):
+    people = zip(*(wide("{x} {y} {z}", POINTS + way, separator=" ") for way in (0, RIGHT)), strict=True)
+    one, other = read(table, [line for pair in people for line in ("2 33", *pair)])
+    assert (one.user, other.user) == (0, 1)
+    assert_reads(one, joints=LIMBS, step=1 / 30)
+    assert_reads(other, PERSON + RIGHT, joints=LIMBS, step=1 / 30)
+    [clip] = read(table, long("{x} {y} {z}", above=["20"]))
+    assert_reads(clip, step=1 / 30)
 
 
 @pytest.mark.parametrize(("ids", "users"), [(("1", "01"), [0, 1]), (("1", "x"), [0, 1]), (("07", "9"), [7, 9])])
@@ -291,10 +316,11 @@ WHOLE = [heads(), *wide()]
         ([*WHOLE[:2], WHOLE[2].rsplit(",", 2)[0], *WHOLE[3:]], "line 3"),
         ([*WHOLE[:2], WHOLE[2].replace(".", "_", 1), *WHOLE[3:]], "line 3"),
         ([*WHOLE[:2], f'"{"1" * 140_000}",' + WHOLE[2], *WHOLE[3:]], "line 3"),
-        ([WHOLE[0].replace("elbow", "thing"), *WHOLE[1:]], ""),
+        ([WHOLE[0].replace("shoulder", "thing"), *WHOLE[1:]], ""),
         (WHOLE[:1], ""),
         (["a,b,c", "1,2,3", "4,5,6"], ""),
         (["some text"], ""),
+        (["0.0;elbow_left", *long("{frame};{name};{x};{y};{z}", names=JOINTS)[6:]], ""),
     ],
 )
 def test_a_damaged_table_is_refused_with_its_line(refused_at, lines, place):

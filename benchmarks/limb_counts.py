@@ -4,8 +4,8 @@
 
 FOLDER contains the characters that `shapes.jsonl` lists. Each has its up and front, and the numbers of pairs of arms,
 legs and wings, and of tails, that a person sees; null is any number, and some bodies may be seen in two ways. None of
-these characters was shown to the network. To them come bodies that are made by rule, for plans that are rare. The weights
-are those of a conditional logistic regression over all bodies, drawn to where they begin.
+these characters was shown to the network. To them come bodies that are made by rule, for plans that are rare. The
+weights are those of a conditional logistic regression over all bodies, drawn to where they begin.
 
 Three times, each fifth of the characters is held out; the first lines have the shares whose numbers are right. The
 table has how often answers of a probability are right, by the weights that were fitted to all. With --write, these
@@ -33,13 +33,13 @@ from solver.anatomy.standing import basis_of
 from solver.anatomy.voted_limbs import voted_limbs, votes_of
 
 SHAPES = Path(__file__).with_name("shapes.jsonl")
-FOLDS, ROUNDS, STRENGTH = 5, 3, 0.04
+FOLDS, ROUNDS, STRENGTH = 5, 3, 0.3
 """Number of folds and of their random divisions, and how strongly weights are drawn to where they begin."""
 
-MADE = 3
-"""Number of bodies that are made by rule of each plan."""
+MADE, LUMPS = 3, 12
+"""Number of bodies that are made by rule of each plan, and of shapes without limbs."""
 
-START = np.array([*[0.0] * len(MOST), 0.5, 0.5, 1.0, -1.0, -1.0])
+START = np.tile([1.0, 0.3, 0.6, 0.6, -2.0, -2.0], (len(MOST), 1))
 BELOW = -50.0
 """Score of a pair that nobody voted for."""
 
@@ -64,7 +64,7 @@ def examples(folder: Path) -> list[Example]:
             solid = solid_of(mesh).along(basis_of(row["up"], row["front"]))
             found.append(Example(row["file"], pairs_in(solid), is_right(row["bodies"])))
     for number, plan in enumerate(PLANS):
-        for body in range(MADE):
+        for body in range(LUMPS if plan == "lump" else MADE):
             cells, depths, _, limbs = made(plan, np.random.default_rng([number, body]))
             seen = Counter(PARTS[part] for part, _ in limbs)
             counts = [seen[part] if part == "tail" else (seen[part] + 1) // 2 for part in MOST]
@@ -80,40 +80,46 @@ def pairs_in(solid: Solid) -> list[Array]:
 
 def is_right(bodies: Sequence[Sequence[int | None]]) -> NDArray[np.bool_]:
     """Return which of all bodies a person sees."""
-    return np.array([
-        any(all(seen in (None, own) for seen, own in zip(body, counts, strict=True)) for body in bodies)
-        for counts in load_weights()[1]
-    ])
+    return np.array(
+        [
+            any(all(seen in (None, own) for seen, own in zip(body, counts, strict=True)) for body in bodies)
+            for counts in load_weights()[1]
+        ]
+    )
 
 
 def sums(example: Example, weights: Array) -> tuple[Array, Array]:
-    """Return the sums (b, 8) of biases and measures of the likeliest pairs of all bodies, and their log odds (b,)."""
+    """Return the sums (b, 4, 6) of ones and measures of the likeliest pairs of all bodies, and their log odds (b,)."""
     counts = np.array(list(load_weights()[1]))
     odds = np.array(list(load_weights()[1].values()))
-    found = np.zeros((len(counts), len(weights)))
+    found = np.zeros((len(counts), *weights.shape))
     for part, (pairs, most) in enumerate(zip(example.pairs, MOST.values(), strict=True)):
-        best = np.argsort(-(pairs @ weights[len(MOST) :]))[:most]
-        table = np.zeros((most + 1, len(weights)))
-        table[1 : len(best) + 1, len(MOST) :] = np.cumsum(pairs[best], axis=0)
-        table[:, part] = np.arange(most + 1)
-        found += table[counts[:, part]]
+        rows = np.hstack([np.ones((len(pairs), 1)), pairs])
+        best = rows[np.argsort(-(rows @ weights[part]))[:most]]
+        table = np.vstack(
+            [np.zeros((1, weights.shape[1])), np.cumsum(best, axis=0), np.zeros((most, weights.shape[1]))]
+        )
+        found[:, part] = table[counts[:, part]]
         odds = odds + BELOW * (counts[:, part] > len(best))
-    return found, odds + found @ weights
+    return found, odds + np.tensordot(found, weights)
 
 
 def fit(chosen: Sequence[Example]) -> Array:
-    """Return the weights of a bias for each part, then of `MEASURES`."""
+    """Return the weights (4, 6) of one and of `MEASURES` for each part."""
 
-    def cost(weights: Array) -> tuple[float, Array]:
+    def cost(flat: Array) -> tuple[float, Array]:
+        weights = flat.reshape(START.shape)
         away = weights - START
-        value, slope = STRENGTH * float(away @ away), 2 * STRENGTH * away
+        value, slope = STRENGTH * float((away**2).sum()), 2 * STRENGTH * away
         for each in chosen:
             table, odds = sums(each, weights)
             value += float(scipy.special.logsumexp(odds) - scipy.special.logsumexp(odds[each.right]))
-            slope += scipy.special.softmax(odds) @ table - scipy.special.softmax(odds[each.right]) @ table[each.right]
-        return value, slope
+            slope = slope + np.tensordot(scipy.special.softmax(odds), table, axes=1)
+            slope = slope - np.tensordot(scipy.special.softmax(odds[each.right]), table[each.right], axes=1)
+        return value, slope.ravel()
 
-    return np.asarray(scipy.optimize.minimize(cost, START, method="L-BFGS-B", jac=True).x)
+    found = scipy.optimize.minimize(cost, START.ravel(), method="L-BFGS-B", jac=True).x
+    return np.asarray(found).reshape(START.shape)
 
 
 def is_answer_right(example: Example, weights: Array) -> bool:
@@ -146,11 +152,10 @@ def main() -> None:
 def write(weights: Array) -> None:
     """Write the weights into the solver's file, below its first lines; what bodies are common stays."""
     text = limb_counts.WEIGHTS.read_text(encoding="utf-8")
-    tables = {"bias": zip(MOST, weights, strict=False), "measures": zip(MEASURES, weights[len(MOST) :], strict=True)}
-    for title, rows in tables.items():
-        before, _, rest = text.partition(f"[{title}]\n")
-        lines = [f"\"{name}\" = {value:.2f}" for name, value in rows]
-        text = "\n".join([f"{before}[{title}]", *lines, "", rest.partition("\n\n")[2]])
+    for part, row in zip(MOST, weights, strict=True):
+        before, _, rest = text.partition(f"[{part}]\n")
+        lines = [f'"{name}" = {value:.2f}' for name, value in zip(("bias", *MEASURES), row, strict=True)]
+        text = "\n".join([f"{before}[{part}]", *lines, "", rest.partition("\n\n")[2]])
     limb_counts.WEIGHTS.write_text(text, encoding="utf-8")
 
 

@@ -338,8 +338,10 @@ def wyvern(body: Body) -> None:
 def lump(body: Body) -> None:
     """Make a shape without limbs: a ball, an egg, a stone."""
     body.limbs.append((PARTS.index("trunk"), straight((0, -0.3, 0), (0, 0.3, 0))))
-    for place in (0.0, 0.3)[: 1 + body.happens(0.5)]:
-        body.blob(0, [body.between(-place, place) for _ in range(3)], [body.between(0.4, 0.7) for _ in range(3)])
+    uneven = body.between(0, 0.4)
+    for place in (0.0, 0.3)[: 1 + body.happens(0.3)]:
+        center = [body.between(-place, place) for _ in range(3)]
+        body.blob(0, center, [0.5 + body.between(-uneven, uneven) / 2 for _ in range(3)])
 
 
 PLANS: dict[str, Callable[[Body], None]] = {

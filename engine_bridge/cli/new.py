@@ -39,7 +39,7 @@ body_options = options.together(
         click.option(
             "--plan",
             type=click.Choice(["upright", "two legs", "four legs", "many legs", "wings", "no legs"]),
-            help="How limbs follow the performer, and which limbs are looked for in the shape.  [default: the likeliest]",
+            help="How limbs follow the performer, and which are looked for in the shape.  [default: the likeliest]",
         ),
         click.option("--mirror", is_flag=True, help="Make the character the performer's mirror image."),
     )

@@ -62,10 +62,9 @@ class CountedBody:
 
 @cache
 def load_weights() -> tuple[dict[str, NDArray[np.float64]], dict[Counts, float]]:
-    """Return the weights of a bias and `MEASURES` for each part, and the log probability of each body by its counts."""
+    """Return the weights of one and of `MEASURES` for each part, and the log probability of each body by its counts."""
     table = tomllib.loads(WEIGHTS.read_text(encoding="utf-8"))
-    measures = [table["measures"][name] for name in MEASURES]
-    weights = {part: np.array([table["bias"][part], *measures]) for part in MOST}
+    weights = {part: np.array([table[part][name] for name in ("bias", *MEASURES)]) for part in MOST}
     return weights, log_shares(table["seen"]["bodies"], table["seen"]["other"])
 
 
@@ -102,8 +101,7 @@ def counted_bodies(voted: Sequence[VotedLimb], inside: scipy.spatial.cKDTree) ->
     order = {part: np.argsort(-own, kind="stable").tolist() for part, own in scores.items()}
     possible = [counts for counts in shares if all(n <= len(order[part]) for part, n in zip(MOST, counts, strict=True))]
     odds = [
-        shares[counts]
-        + sum(scores[part][row] for part, n in zip(MOST, counts, strict=True) for row in order[part][:n])
+        shares[counts] + sum(scores[part][row] for part, n in zip(MOST, counts, strict=True) for row in order[part][:n])
         for counts in possible
     ]
     found = [
@@ -116,9 +114,7 @@ def counted_bodies(voted: Sequence[VotedLimb], inside: scipy.spatial.cKDTree) ->
     return sorted(found, key=lambda body: -body.chance)
 
 
-def pairs_of(
-    voted: Sequence[VotedLimb], part: str, inside: scipy.spatial.cKDTree
-) -> Iterator[tuple[VotedLimb, ...]]:
+def pairs_of(voted: Sequence[VotedLimb], part: str, inside: scipy.spatial.cKDTree) -> Iterator[tuple[VotedLimb, ...]]:
     """Yield the pairs of a part; tails, and arms without a counterpart, are alone."""
     size = float(np.max(inside.maxes - inside.mins))
     left, right = ([limb for limb in voted if limb.part == part and limb.side == side] for side in (1, -1))
@@ -130,7 +126,7 @@ def pairs_of(
             paired += [left[row], right[column]]
     for limb in [limb for limb in voted if limb.part == part and limb not in paired]:
         image = _image(limb, voted)
-        if limb.side and inside.query(image.joints)[0].max() < MAX_OUTSIDE * size:
+        if limb.side and np.max(inside.query(image.joints)[0]) < MAX_OUTSIDE * size:
             yield (limb, image) if limb.side > 0 else (image, limb)
         elif part in ("arm", "tail"):
             yield (limb,)

@@ -1,8 +1,8 @@
 """Finds the limbs of a character from its shape alone.
 
-Points inside the character vote for the limbs that they belong to (`solver.anatomy.voted_limbs`). Which of these limbs
-the body has is decided together (`solver.anatomy.limb_counts`). Here they get their names, by side and row, and joints in
-the middle of the character.
+Points inside the character vote for the limbs that they belong to (`solver.anatomy.voted_limbs`). Which of these the
+body has is decided for all together (`solver.anatomy.limb_counts`). Here they get their names, by side and row, and
+joints in the middle of the character.
 """
 
 from collections.abc import Iterator, Mapping
@@ -14,7 +14,7 @@ import scipy
 from numpy.typing import NDArray
 
 from solver.anatomy.limb_chain import LimbChain, Limbs, evenly, leg_names
-from solver.anatomy.limb_counts import counted_bodies
+from solver.anatomy.limb_counts import CountedBody, counted_bodies
 from solver.anatomy.solid import Solid, solid_of
 from solver.anatomy.voted_limbs import MIRROR, Points, VotedLimb, bend_of, voted_limbs, votes_of
 from solver.surface.mesh import SolverMesh
@@ -65,8 +65,8 @@ def find_limbs(
     """
     finder = _Finder(solid_of(mesh).along(basis), {name: basis @ np.asarray(end) for name, end in ends.items()})
     (_, limbs), *others = finder.bodies()
-    others = [(chance, _chains(other, basis)) for chance, other in others if chance >= MIN_CHANCE]
-    return Limbs(_chains(limbs, basis), tuple(_missing(limbs)), tuple(others))
+    likely = ((chance, _chains(other, basis)) for chance, other in others if chance >= MIN_CHANCE)
+    return Limbs(_chains(limbs, basis), tuple(_missing(limbs)), tuple(likely))
 
 
 def _chains(found: Mapping[str, Points], basis: NDArray[np.float64]) -> tuple[LimbChain, ...]:
@@ -105,8 +105,10 @@ class _Finder:
     def bodies(self) -> Iterator[tuple[float, dict[str, Points]]]:
         """Yield the bodies that the limbs may be, with their probabilities: the points of each limb by its name."""
         for body in counted_bodies(self.voted, self.inside):
-            found = self._trunk_and_head(len(body.limbs["leg"])) | self._pair("arm", body.limbs) | self._legs(body.limbs)
-            found |= self._pair("wing", body.limbs) | {"tail": tail.joints for (tail,) in body.limbs["tail"]}
+            found = self._trunk_and_head(len(body.limbs["leg"])) | self._pair("arm", body) | self._legs(body)
+            found |= self._pair("wing", body)
+            if body.limbs["tail"]:
+                found["tail"] = body.limbs["tail"][0][0].joints
             found |= {name: points for name, points in self.given.items() if name != "head"}
             yield body.chance, found | self._on_head(found["head"])
 
@@ -124,17 +126,17 @@ class _Finder:
             trunk = trunk[15:]
         return evenly(np.array([trunk[np.linalg.norm(trunk - end, axis=1).argmin()], end]), 4)
 
-    def _pair(self, part: str, limbs: Mapping[str, list[tuple[VotedLimb, ...]]]) -> dict[str, Points]:
+    def _pair(self, part: str, body: CountedBody) -> dict[str, Points]:
         """Return the likeliest limb of each side."""
-        for pair in limbs[part][:1]:
+        for pair in body.limbs[part][:1]:
             if len(pair) == 2:
                 return self._sides(part, pair[0].joints, pair[1].joints)
             return {f"{'left' if pair[0].side > 0 else 'right'} {part}": pair[0].joints}
         return {}
 
-    def _legs(self, limbs: Mapping[str, list[tuple[VotedLimb, ...]]]) -> dict[str, Points]:
+    def _legs(self, body: CountedBody) -> dict[str, Points]:
         """Return the legs in rows from hind to front."""
-        pairs = sorted(limbs["leg"], key=lambda pair: float(sum(leg.joints[[0, -1], 2].sum() for leg in pair)))
+        pairs = sorted(body.limbs["leg"], key=lambda pair: sum(float(leg.joints[[0, -1], 2].sum()) for leg in pair))
         found: dict[str, Points] = {}
         for name, pair in zip(leg_names(len(pairs)), pairs, strict=True):
             found |= self._sides(name, *(_with_hocks(pair) if name == "hind leg" else [leg.joints for leg in pair]))

@@ -17,6 +17,8 @@ LEG = points_of("0.1 0.5 0.2, 0.1 0.3 0.2, 0.1 0.1 0.2, 0.1 0 0.3")
 HIND = LEG - [0, 0, 0.6]
 ARM = points_of("0.1 0.8 0, 0.3 0.8 0, 0.5 0.8 0, 0.6 0.8 0")
 
+UNCERTAIN = {"share": 0.005, "chance": 0.5, "spread": 0.07}
+
 
 def voted(part, joints, share=0.05, chance=0.9, spread=0.04):
     """Return a limb on the side of its joints, with a hundred points for each percent of the share."""
@@ -91,9 +93,9 @@ def test_what_is_measured_of_a_pair():
         ([*pair("arm", ARM, share=0.004, chance=0.6), *pair("leg", LEG)], (1, 1, 0, 0)),
         ([*pair("leg", LEG), *pair("leg", HIND), voted("tail", HIND * [0, 1, 1])], (0, 2, 0, 1)),
         ([*pair("leg", LEG), *pair("leg", HIND), *pair("leg", HIND - [0, 0, 0.4])], (0, 3, 0, 0)),
-        ([*pair("leg", LEG), *pair("leg", HIND), *pair("leg", LEG + 0.1, share=0.005, chance=0.5, spread=0.07)], (0, 2, 0, 0)),
+        ([*pair("leg", LEG), *pair("leg", HIND), *pair("leg", LEG + 0.1, **UNCERTAIN)], (0, 2, 0, 0)),
         ([*pair("wing", ARM), *pair("leg", LEG), voted("tail", HIND * [0, 1, 1])], (0, 1, 1, 1)),
-        ([*pair("arm", ARM, share=0.004, chance=0.5, spread=0.08)], (0, 0, 0, 0)),
+        (pair("arm", ARM, **UNCERTAIN), (0, 0, 0, 0)),
     ],
 )
 def test_few_uncertain_votes_are_limbs_where_bodies_usually_have_them(limbs, expected):

@@ -198,6 +198,19 @@ def test_a_limb_that_overlaps_another_one_is_left_out_if_the_others_stay(blob_fi
     assert made.notes == ("jaw would overlap another limb or leave the mesh, and is left out.",)
 
 
+def test_any_limbs_that_cannot_stay_are_left_out_together(blob_file, tmp_path, monkeypatch):
+    found = proposal.find_limbs(load_character(blob_file).solver_mesh(), np.eye(3))
+    outside = [LimbChain(name, chain + 50.0) for name, chain in found.points.items() if name.endswith("arm")]
+    rest = [chain for chain in found.chains if not chain.name.endswith("arm")]
+    wrong = [LimbChain("tail", found.points["left leg"]), LimbChain("jaw", found.points["head"])]
+    monkeypatch.setattr(proposal, "find_limbs", lambda *_: Limbs((*rest, *outside, *wrong)))
+    made = new_puppet(blob_file, tmp_path / "a.toml", up="y", front="z")
+    assert {limb.name for limb in made.puppet.limb} == {chain.name for chain in rest}
+    names = [chain.name for chain in (*outside, *wrong)]
+    [note] = made.notes
+    assert all(name in note for name in names)
+
+
 @pytest.mark.parametrize(
     ("given", "place"),
     [

@@ -69,7 +69,7 @@ MIDDLE_SHARE = 0.02
 GIRDLE_ASIDE = 0.4
 """Minimum share of a bone to the side, with which it leads from the middle of the body to a limb."""
 
-BACK_COSINE = -0.9
+BACK_COSINE = -0.5
 """Cosine between the last two bones of a limb below which the last joint is at its end."""
 
 GAP_SHARES = 0.1, 0.5

@@ -129,7 +129,7 @@ class LimbReader:
         return dict(zip((pair.one, pair.other), ways, strict=True))
 
     def _is_girdle(self, way: Sequence[int]) -> bool:
-        """Return whether a first joint only leads to its side, to what has vertices."""
+        """Return whether a first joint only leads aside, to what has vertices."""
         aside = abs(_unit(self.place(way[1]) - self.place(way[0])) @ self.body.left) > GIRDLE_ASIDE
         return (aside or not len(self.joints[way[0]].vertices)) and any(
             len(self.joints[node].vertices) for node in way[1:]
@@ -199,11 +199,9 @@ class LimbReader:
         if self.said("leg", self.ways[node]):
             return self.of_three(self.leg_way(node), replace(ARM, parts=LEG.parts))
         found = self.of_three(self.ways[node], ARM)
-        (bone, back), (length, back_length) = (
-            (steps := np.diff(found.points[-3:], axis=0)),
-            np.linalg.norm(steps, axis=1),
-        )
-        if len(found.nodes) > 2 and back_length < length and bone @ back < BACK_COSINE * length * back_length:
+        bone, back = np.diff(found.points[-3:], axis=0)
+        shorter = back @ back < bone @ bone
+        if len(found.nodes) > 2 and shorter and _unit(bone) @ _unit(back) < BACK_COSINE:
             return JointChain(found.points[[0, 1, 3, 2]], found.nodes)  # the last joint is at the end of the hand
         return found
 

@@ -33,7 +33,11 @@ SHARED_WORD_SHARE = 0.5
 """Minimum share of a skeleton's joints that have a word which says nothing."""
 
 ALL_SHARE = 0.9
-"""The same for a word that is a joint's name otherwise, as in ``Body_Hips``."""
+"""The same for a word that is the name of a joint of the trunk otherwise, as in ``Body_Hips``; all joints of a spider
+may be of its legs."""
+
+MAX_LOOSE_SHARE = 0.5
+"""Maximum share of known names, among those of joints that move vertices, with which single words of others count."""
 
 MIN_SHARING_JOINTS = 5
 """Minimum number of joints from which words are shared."""
@@ -63,6 +67,7 @@ _SIDED_INITIALS = {f"{side}{initial}" for side in "lr" for initial in _INITIALS}
 """Names of one or two letters, as in ``LS`` for the left shoulder, of joints that all have such names."""
 
 _KNOWN = _WORDS.keys() | _POINTS.keys()
+_TRUNK_PARTS = (*MIDDLE_PARTS, "root", "trunk")
 _DECORATION, _CONTROLS = (frozenset(TABLE["other"][kind].split()) for kind in ("decoration", "controls"))
 _GLUED_SIDES = (re.compile("(?P<side>left|right|l|r)(?P<own>.+)"), re.compile("(?P<own>.+?)(?P<side>left|right|l|r)"))
 _FINGERS = {word: finger for finger, words in TABLE["fingers"].items() for word in words.split()}
@@ -121,13 +126,26 @@ def joint_meanings(names: Sequence[str], moves_vertices: Sequence[bool] = ()) ->
     Returns
     -------
     list of JointMeaning or None
-        None for an unknown name, or a control that moves no vertices.
+        None for an unknown name, or a control that moves no vertices. If most names of joints that move vertices are
+        unknown, a single word counts: ``arm_joint_L_1``.
     """
     split = _split(names)
     sided = [_without_side([word for word in words if word not in _DECORATION]) for words in split]
     convention = _convention([(side, "".join(words)) for side, words in sided])
     moves = moves_vertices or [False] * len(names)
-    return [_meaning(side, words, convention, moving) for (side, words), moving in zip(sided, moves, strict=True)]
+    found = [_meaning(side, words, convention, moving) for (side, words), moving in zip(sided, moves, strict=True)]
+    known = sum(moving for meaning, moving in zip(found, moves, strict=True) if meaning)
+    if known > MAX_LOOSE_SHARE * sum(moves):
+        return found
+    return [
+        meaning or (_loose_meaning(side, words) if moving else None)
+        for meaning, (side, words), moving in zip(found, sided, moves, strict=True)
+    ]
+
+
+def joint_sides(names: Sequence[str]) -> list[str | None]:
+    """Return the sides that the names of a skeleton's joints say, whether or not they say a part: ``Bone.007.R``."""
+    return [_without_side(words)[0] for words in _without_shared_words([_words(name) for name in names])]
 
 
 def ornaments(names: Sequence[str]) -> list[bool]:
@@ -229,7 +247,8 @@ def _without_shared_words(split: list[list[str]]) -> list[list[str]]:
         counts = Counter(words[end] for words in split if words)
         word, count = max(counts.items(), key=lambda each: each[1], default=("", 0))
         known = word in _WORDS.keys() | _ORNAMENTS
-        if count >= least and (not known or count >= ALL_SHARE * joints) and word not in SIDES:
+        of_all = count >= ALL_SHARE * joints and _WORDS.get(word, "trunk") in _TRUNK_PARTS
+        if count >= least and (not known or of_all) and word not in SIDES:
             rest = slice(-1) if end else slice(1, None)
             return _without_shared_words([words[rest] if words[end:][:1] == [word] else words for words in split])
     return split
@@ -239,7 +258,7 @@ def _without_side(words: list[str]) -> tuple[str | None, list[str]]:
     """Return the side in words, and the other words; a side may be at the beginning or end of a word."""
     sides, key = [SIDES[word] for word in words if word in SIDES], "".join(words)
     if sides or is_known(key):
-        return (sides[0] if sides else None), [word for word in words if word not in SIDES]
+        return (sides[-1] if sides else None), [word for word in words if word not in SIDES]
     matches = (pattern.fullmatch(key) for pattern in _GLUED_SIDES)
     match = next((match for match in matches if match and is_known(match["own"])), None)
     return (SIDES[match["side"]], [match["own"]]) if match else (None, words)
@@ -307,9 +326,15 @@ def _meaning(
         rest = own.removeprefix(word).removesuffix(word)
         if rest != own and part is None:
             said = _WORDS.get(rest)
-            if side and said in (*LEG_PARTS, "shoulder"):
+            if side and said in (*LEG_PARTS, "shoulder", "wing"):
                 part, quarter = said, which
             elif word in _PLACES:
                 part = said
     part = part or ("wing" if _FINS & set(words) else None)
     return JointMeaning(side, quarter, part) if part else None
+
+
+def _loose_meaning(side: str | None, words: Sequence[str]) -> JointMeaning | None:
+    """Return the only part of a limb that a name's words say, whatever the other words are."""
+    said = {_WORDS.get(_without_digits(word), "root") for word in words}.difference(_TRUNK_PARTS)
+    return JointMeaning(side, None, said.pop()) if len(said) == 1 and not (_ORNAMENTS | _CONTROLS) & {*words} else None

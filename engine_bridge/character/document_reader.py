@@ -152,7 +152,7 @@ def _decompress_primitives(document: Document) -> None:
             arrays += [(primitive["attributes"][name], each, ARRAY_BUFFER) for name, each in values.items()]
             for index, array, target in arrays:
                 accessor = accessors[index]
-                if len(array) != accessor["count"]:
+                if len(array) < accessor["count"]:  # three.js and others show what the compressed bytes hold
                     raise ValueError(f"{len(array):,} values for {accessor['count']:,}")
                 document.add(array.astype(COMPONENTS[accessor["componentType"]]), target, bounds="min" in accessor)
                 accessor.update({"byteOffset": 0, **accessors.pop()})

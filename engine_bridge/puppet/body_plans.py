@@ -14,8 +14,8 @@ BodyPlan = Literal["upright", "two legs", "four legs", "many legs", "wings", "no
 UPRIGHT_COSINE = np.cos(np.radians(40))
 """Cosine of the largest angle between up and the trunk, or the head, of an upright body."""
 
-PERSON = {"trunk", "head", "left arm", "right arm", "left leg", "right leg"}
-"""Limbs of an upright body."""
+PERSON = {"trunk", "left arm", "right arm", "left leg", "right leg"}
+"""Limbs of an upright body, which may have no head of its own."""
 
 
 @dataclass(frozen=True)
@@ -94,8 +94,8 @@ def is_person(points: Mapping[str, NDArray[np.float64]], up: NDArray[np.float64]
     """Return whether a body has the limbs of a person, and is upright."""
     if not points.keys() >= PERSON:
         return False
-    trunk, head = (points[limb][-1] - points[limb][0] for limb in ("trunk", "head"))
-    body = trunk if np.linalg.norm(trunk) > np.linalg.norm(head) else points["head"][-1] - points["trunk"][0]
+    trunk, head = (points[limb][-1] - points[limb][0] for limb in ("trunk", "head" if "head" in points else "trunk"))
+    body = trunk if np.linalg.norm(trunk) >= np.linalg.norm(head) else points["head"][-1] - points["trunk"][0]
     return is_upright(body, up)
 
 
@@ -122,6 +122,6 @@ def check_plan(plan: BodyPlan, limbs: Collection[str], where: str, fix: str) -> 
         raise PuppetError(
             where,
             found=f"a character with these limbs: {', '.join(limbs) or 'none'}",
-            expected="trunk, head, arms and legs" if plan == "upright" else "at least one leg",
+            expected="trunk, arms and legs" if plan == "upright" else "at least one leg",
             fix=fix,
         )

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from capture.bone_names import LEG_PARTS, JointMeaning, is_control, joint_meanings, ornaments
+from capture.bone_names import LEG_PARTS, JointMeaning, is_control, joint_meanings, joint_sides, ornaments
 from capture.channels import FINGERS
 from engine_bridge.puppet.skin_joints import Joint
 from solver.anatomy.body_graph import LABELS, BodyGraph
@@ -74,7 +74,9 @@ def joint_graph(joints: Sequence[Joint]) -> JointGraph | None:
 
     Joints without vertices below them are dropped, if others have vertices. Parents may follow their children.
     """
-    meanings = joint_meanings([joint.name for joint in joints], [len(joint.vertices) > 0 for joint in joints])
+    names = [joint.name for joint in joints]
+    meanings = joint_meanings(names, [len(joint.vertices) > 0 for joint in joints])
+    sides = [{"left": 1.0, "right": -1.0}.get(side or "", 0.0) for side in joint_sides(names)]
     joints = _with_empty_ornaments(joints, meanings)
     holds = np.array([len(joint.vertices) > 0 for joint in joints], dtype=bool)
     if not holds.any():
@@ -87,7 +89,7 @@ def joint_graph(joints: Sequence[Joint]) -> JointGraph | None:
             used.add(index)
             index = joints[index].parent
     parents = {index: joints[index].parent for index in used}
-    _hang(joints, meanings, parents)
+    _hang(joints, meanings, sides, parents)
     order = _ordered(parents)
     while len(order) > 1 and not len(joints[order[0]].vertices) and sum(parents[i] == order[0] for i in order) == 1:
         parents[order[1]] = -1
@@ -122,7 +124,8 @@ def joint_graph(joints: Sequence[Joint]) -> JointGraph | None:
         radii,
         counts / max(counts.sum(), 1.0),
         votes,
-        np.array([_side(meaning) for meaning in own]),
+        np.array([sides[index] for index in order]),
+        np.array([_quarter(meaning) for meaning in own]),
         np.array([bool(meaning and meaning.part in FACE_PARTS) for meaning in own]),
         np.array([every.min(axis=0), every.max(axis=0)]),
     )
@@ -156,7 +159,9 @@ def _root_at_fork(parents: dict[int, int], root: int) -> None:
         parents |= dict(pairwise(row)) | {row[-1]: -1}
 
 
-def _hang(joints: Sequence[Joint], meanings: Sequence[JointMeaning | None], parents: dict[int, int]) -> None:
+def _hang(
+    joints: Sequence[Joint], meanings: Sequence[JointMeaning | None], sides: Sequence[float], parents: dict[int, int]
+) -> None:
     """Hang branches that are far from their parents, above which nothing moves vertices, on the joint that they touch.
 
     Feet with inverse kinematics hang on the root, and parts of an armature may have no parent. Joints that share
@@ -164,7 +169,6 @@ def _hang(joints: Sequence[Joint], meanings: Sequence[JointMeaning | None], pare
     that. The body stays where it is: the largest branch with a trunk by its names, else the largest that is no arm or
     leg.
     """
-    sides = [_side(meaning) for meaning in meanings]
     labels = [LABEL_OF.get(meaning.part) if meaning else None for meaning in meanings]
     total = _held(joints, list(parents))
     inner = {*parents.values()}
@@ -201,7 +205,7 @@ def _hang(joints: Sequence[Joint], meanings: Sequence[JointMeaning | None], pare
             if group_of.get(index) != own
             and side * sides[index] >= 0
             and labels[index] in (None, "trunk", label or labels[index])
-            and not (index in firsts and label and meanings[index] == meanings[tops[top]])  # two limbs of one name
+            and not (index in firsts and label not in (None, "trunk") and meanings[index] == meanings[tops[top]])
             and not _is_beyond(meanings[index], meanings[tops[top]])
         }
         same = [each for each in allowed if np.allclose(joints[each].place, joints[top].place, 0, SAME_SHARE * size)]
@@ -239,9 +243,10 @@ def _touched(
     return touched, away[touched] > END_RATIO * nearest
 
 
-def _side(meaning: JointMeaning | None) -> float:
-    """Return 1 for left, −1 for right, 0 for none."""
-    return {"left": 1.0, "right": -1.0}.get((meaning and meaning.side) or "", 0.0)
+def _quarter(meaning: JointMeaning | None) -> float:
+    """Return 1 for a limb in front, −1 for one behind, 0 for others."""
+    words = (meaning and meaning.quarter) or ""
+    return float("front" in words) - float("hind" in words)
 
 
 def _is_end(foot: JointMeaning | None, leg: JointMeaning | None) -> bool:

@@ -107,10 +107,10 @@ def _points(plan: PlanSettings, name: str, points: Mapping[str, NDArray[np.float
         return False
     if is_leg(name):
         legs = np.mean([points[f"{side} leg"][0] - points[f"{side} leg"][2] for side in ("left", "right")], axis=0)
-        size = np.linalg.norm(points["head"][-1] - points["trunk"][0])
+        size = np.linalg.norm(points["head" if "head" in points else "trunk"][-1] - points["trunk"][0])
         return bool(np.linalg.norm(legs) >= MAX_STUB_SHARE * size or is_upright(legs, up))
-    head = points["head"][-1] - points["head"][0]
-    return name != "head" or bool(head @ up > STRAIGHT_HEAD_COSINE * np.linalg.norm(head))
+    way = points[name][-1] - points[name][0]
+    return name != "head" or bool(way @ up > STRAIGHT_HEAD_COSINE * np.linalg.norm(way))
 
 
 def _limb(

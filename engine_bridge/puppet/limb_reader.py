@@ -32,15 +32,14 @@ MAX_HAND_HEIGHT_SHARE = 0.3
 MIN_LEG_BONE_SHARE = 0.08
 """Minimum length of the bones of a leg below the third joint, as a share of the leg's length."""
 
-HEAD_PARTS = (None, "head", "ear", "eye", "jaw", "face")
-"""Parts below the head that count for its size; None for joints whose names say nothing."""
+HEAD_PARTS = ("neck", "head", "ear", "eye", "jaw", "face")
+"""Parts below the head that count for its size."""
 
 HEAD_SHARE = 0.3
 """Minimum height of a head without a joint above the shoulders, as a share of the trunk's length."""
 
 MAX_WITHIN_SHARE = 0.05
-"""Maximum distance from the trunk of the joint of a head that is within it, as a share of the trunk's length; the head
-then begins where the trunk ends."""
+"""Maximum distance from the trunk, in its lengths, of the joint of a head that begins where the trunk ends."""
 
 MANY_PAIRS = 3
 """Number of pairs of legs from which they are rows."""
@@ -63,6 +62,19 @@ AROUND_SHARE = 0.3
 """Maximum distance of a joint from the middle of vertices that are all around it, and how far they reach beyond it at
 least, as shares of their extent."""
 
+MIDDLE_SHARE = 0.02
+"""Maximum distance between the first joints of a pair that are in the middle of a body, as a share of its size."""
+
+GIRDLE_ASIDE = 0.4
+"""Minimum share of a bone to the side, with which it leads from the middle of the body to a limb."""
+
+BACK_COSINE = -0.5
+"""Cosine between the last two bones of a limb below which the last joint is at its end."""
+
+GAP_SHARES = 0.1, 0.5
+"""Distances of the only joint of a limb from its vertices, as shares of that from the end, between which the limb
+begins at the vertices."""
+
 MAX_TRIED = 16
 """About how many joints of a limb are tried as its three: their number grows with the third power."""
 
@@ -81,15 +93,16 @@ class LimbReader:
     def __init__(self, graph: JointGraph, body: Body, rigid: bool) -> None:
         self.rigid = rigid
         self.graph, self.joints, self.meanings, self.body = graph.graph, graph.joints, graph.meanings, body
+        self.ways = {node: way for _, pair in body.pairs for node, way in self._outside(pair).items()}
 
     def limbs(self) -> dict[str, JointChain]:
         """Return the points of each limb by its name, each after its parent."""
         found, lies = self.arms_and_legs()
         paired = any(limb in found for limb in ("left arm", "left leg", "left hind leg", "left leg 1"))
         wings = self.curved_pair("wing")
-        head = self.body.singles.get("head", [])
-        tail = self.body.singles.get("tail", [])
-        if not paired and not wings and not (head and self.said("tail", tail)):
+        head, tail = (self.body.singles.get(label, []) for label in ("head", "tail"))
+        named = head and (self.said("tail", tail) or (self.said("head", head) and not self.rigid))
+        if not paired and not wings and not named:
             return self.spine()
         trunk = self.trunk(found | wings, head, tail)
         if trunk is None:
@@ -104,6 +117,22 @@ class LimbReader:
         if tail:
             limbs["tail"] = self.curved(self.told("tail", tail), 3)
         return limbs | wings
+
+    def _outside(self, pair: Pair) -> dict[int, list[int]]:
+        """Return the ways of a pair without first joints in the middle of the body: what follows those is the trunk."""
+        ways = [self.graph.ways[node] for node in (pair.one, pair.other)]
+        while min(map(len, ways)) > 1 and all(map(self._is_girdle, ways)):
+            if abs((self.place(ways[0][0]) - self.place(ways[1][0])) @ self.body.left) > MIDDLE_SHARE * self.graph.size:
+                break
+            ways = [way[1:] for way in ways]
+        return dict(zip((pair.one, pair.other), ways, strict=True))
+
+    def _is_girdle(self, way: Sequence[int]) -> bool:
+        """Return whether a first joint only leads aside, to what has vertices."""
+        aside = abs(_unit(self.place(way[1]) - self.place(way[0])) @ self.body.left) > GIRDLE_ASIDE
+        return (aside or not len(self.joints[way[0]].vertices)) and any(
+            len(self.joints[node].vertices) for node in way[1:]
+        )
 
     def said(self, label: str, way: Sequence[int]) -> bool:
         """Return whether a name on a way says a label."""
@@ -166,9 +195,14 @@ class LimbReader:
 
     def arm(self, node: int) -> JointChain:
         """Return shoulder, elbow, wrist and end of an arm; an arm may be called a leg, as a dinosaur's."""
-        if self.said("leg", self.graph.ways[node]):
+        if self.said("leg", self.ways[node]):
             return self.of_three(self.leg_way(node), replace(ARM, parts=LEG.parts))
-        return self.of_three(self.graph.ways[node], ARM)
+        found = self.of_three(self.ways[node], ARM)
+        bone, back = np.diff(found.points[-3:], axis=0)
+        shorter = back @ back < bone @ bone
+        if len(found.nodes) > 2 and shorter and _unit(bone) @ _unit(back) < BACK_COSINE:
+            return JointChain(found.points[[0, 1, 3, 2]], found.nodes)  # the last joint is at the end of the hand
+        return found
 
     def upright_leg(self, node: int) -> JointChain:
         """Return hip, knee, ankle and end of a leg."""
@@ -197,7 +231,7 @@ class LimbReader:
 
     def leg_way(self, node: int) -> list[int]:
         """Return the nodes of a leg without toes."""
-        way = [each for each in self.graph.ways[node] if self.part(each) != "toes"] or self.graph.ways[node]
+        way = [each for each in self.ways[node] if self.part(each) != "toes"] or self.ways[node]
         named = [each for each in way if self.graph.votes[each, LABELS.index("leg")] or self.part(each) == "shoulder"]
         return named if len(named) > 2 else way
 
@@ -220,10 +254,9 @@ class LimbReader:
     def of_three(self, way: Sequence[int], shape: LimbShape) -> JointChain:
         """Return a limb with the three joints of a way that fit best by their names and the lengths between them."""
         if len(way) == 1:
-            root, tip = (
-                self.place(way[0]),
-                self.end(self.place(way[0]), self.place(way[0]), self.graph.subtrees[way[0]]),
-            )
+            root = self.place(way[0])
+            tip = self.end(root, root, self.graph.subtrees[way[0]])
+            root = self.start(root, tip, self.graph.subtrees[way[0]])
             share = np.cumsum([0.0, *shape.shares[1:]]) / shape.shares[1:].sum()
             return JointChain(root + share[:, None] * (tip - root), (way[0],))
         nodes = max(self._choices(way, shape), key=lambda nodes: self._fit(way, nodes, shape))
@@ -279,6 +312,13 @@ class LimbReader:
         away = np.linalg.norm(vertices - tip, axis=1)
         outside = away.min() > MAX_TIP_DISTANCE * reach > 0  # as between two long ears
         return np.asarray(vertices[away.argmin()] if outside else tip)
+
+    def start(self, root: NDArray[np.float64], tip: NDArray[np.float64], held: Sequence[int]) -> NDArray[np.float64]:
+        """Return where the vertices of some nodes begin on the way to a limb's end, if a joint is far from them."""
+        along = [(self.joints[node].vertices - root) @ _unit(tip - root) for node in held]
+        gap = float(min((each.min() for each in along if len(each)), default=0.0))
+        share = gap / max(float(np.linalg.norm(tip - root)), 1e-12)
+        return root + share * (tip - root) if GAP_SHARES[0] < share < GAP_SHARES[1] else root
 
     def trunk(self, limbs: dict[str, JointChain], head: Sequence[int], tail: Sequence[int]) -> JointChain | None:
         """Return the points of the trunk: the hips, its middle, and the root of the neck."""
@@ -343,7 +383,9 @@ class LimbReader:
             return list(head)
         tip = self.graph.tips[head[-1]]
         most = np.linalg.norm(np.mean(fronts, axis=0) - tip)
-        return [node for node in head if np.linalg.norm(self.place(node) - tip) < most]
+        return [node for node in head if np.linalg.norm(self.place(node) - tip) < most] or [
+            node for node in head[-1:] if not any(node in self.graph.ancestors(pair.one) for _, pair in self.body.pairs)
+        ]
 
     def head(
         self, trunk: JointChain, head: Sequence[int], limbs: dict[str, JointChain], with_neck: bool
@@ -363,7 +405,7 @@ class LimbReader:
             start, necks = root, []  # the neck carries the arms, as a trunk does
         if self.rigid and not necks:
             start = root
-        tip = self.end(start, root, [node for node in self.graph.subtrees[own] if self.part(node) in HEAD_PARTS])
+        tip = self.end(start, root, [each for each in self.graph.subtrees[own] if self._is_of_head(each, own)])
         length = trunk.points[-1] - trunk.points[0]
         if (root - start) @ length < 0:  # it begins behind the front legs
             within = distance_from_segment(root, trunk.points[0], trunk.points[-1])
@@ -373,6 +415,12 @@ class LimbReader:
             return {"head": JointChain(np.array([start, tip]), [*necks, own])}
         points = np.array([start, *(self.place(node) for node in necks[1:]), root])
         return {"neck": JointChain(evenly(points, 3), necks), "head": JointChain(np.array([root, tip]), [own])}
+
+    def _is_of_head(self, node: int, own: int) -> bool:
+        """Return whether a joint counts for a head's size; one that hangs down as a beard does only by its name."""
+        held, above = (self.joints[each].vertices - self.place(own) for each in (node, own))
+        hangs = len(held) and len(above) and held.mean(axis=0) @ above.mean(axis=0) < 0
+        return node == own or self.part(node) in HEAD_PARTS or (self.part(node) is None and not hangs)
 
     def jaw(self) -> dict[str, JointChain]:
         """Return the jaw, if vertices follow it."""
@@ -386,7 +434,7 @@ class LimbReader:
         """Return wings or ears by their names."""
         count = {"wing": 3, "ear": 2}[label]
         return {
-            f"{side} {label}": self.curved(self.told(label, self.graph.ways[node]), count)
+            f"{side} {label}": self.curved(self.told(label, self.ways[node]), count)
             for own, pair in self.body.pairs
             if own == label
             for side, node in (("left", pair.one), ("right", pair.other))

@@ -41,8 +41,8 @@ AXES = "up", "front"
 MIN_OTHER_PROBABILITY = 0.05
 """Minimum probability of another up or front, or of other limbs, for which there is a note."""
 
-OMITTED = ((), ("jaw",), ("left ear", "right ear"), ("tail",), ("left wing", "right wing"), ("left arm", "right arm"))
-"""Limbs without which the others are tried, if they cannot all be as they were found."""
+IMPORTANCE = ("trunk", "neck", "head", "leg", "arm", "wing", "tail")
+"""Kinds of limbs, those first that are kept if limbs cannot all be as they were found; others are last."""
 
 PLACEHOLDER_HANDLES = ({"name": "any", "position": (0.0, 0.0, 0.0)},)
 """Handles with which the rest of a puppet is checked before its own are known."""
@@ -212,16 +212,31 @@ def fitting(
         The limbs.
     surface : SolverMesh
     """
-    for omitted in OMITTED:
-        rest = [table for table in tables if table["name"] not in omitted]
-        if len(rest) + len(omitted) == len(tables) and _is_valid(values | {"handle": [], "limb": rest}, surface):
-            is_or_are = "is" if len(omitted) == 1 else "are"
-            note = f"{' and '.join(omitted)} would overlap another limb or leave the mesh, and {is_or_are} left out."
-            return rest, [note] if omitted else []
+    kept = tables if _is_valid(values | {"handle": [], "limb": tables}, surface) else list[dict[str, Any]]()
+    kinds = dict.fromkeys(_kind(table) for table in tables) if not kept else {}
+    for kind in sorted(kinds, key=_importance):
+        tried = [table for table in tables if table in kept or _kind(table) == kind]
+        kept = tried if _is_valid(values | {"handle": [], "limb": tried}, surface) else kept
+    names = [table["name"] for table in tables if table not in kept]
+    if {table["name"] for table in kept} - {"trunk", "neck", "head"}:
+        is_or_are = "is" if len(names) == 1 else "are"
+        note = f"{' and '.join(names)} would overlap another limb or leave the mesh, and {is_or_are} left out."
+        return kept, [note] if names else []
     return [], [
         "The limbs that were found overlap or leave the mesh, so handles are proposed instead. If the "
         "character has limbs, give their ends: --limb 'left leg=X,Y,Z' --limb 'right leg=X,Y,Z'"
     ]
+
+
+def _kind(table: Mapping[str, Any]) -> str:
+    """Return the name of a limb without its side."""
+    name: str = table["name"]
+    return name.removeprefix("left ").removeprefix("right ")
+
+
+def _importance(kind: str) -> int:
+    words = kind.split()
+    return next((place for place, own in enumerate(IMPORTANCE) if own in words), len(IMPORTANCE))
 
 
 def _is_valid(values: dict[str, Any], surface: SolverMesh) -> bool:

@@ -34,6 +34,11 @@ HEAD_TOLERANCE = 0.002
 files hold rounded numbers."""
 
 
+MAX_HINGE_DISTANCE = 0.03
+"""Maximum distance between a joint and the point at which its bone is hinged, as a fraction of the diagonal, with which
+it keeps its place relative to its parent."""
+
+
 @dataclass(frozen=True, eq=False)
 class RigBones:
     """Bones that the joints of a file's skeleton follow.
@@ -47,8 +52,9 @@ class RigBones:
     shares : (j, b) float64
         Share of each bone's rotation in that of each joint. A row's sum is 1, or 0 for a joint that does not turn.
     placed : (j,) bool
-        Joints that move with their bones, because they have no parent or their parent belongs to another limb; all
-        parts do, which need not turn at their origins. All others keep their translation from the file.
+        Joints that move with their bones, because they have no parent, their parent belongs to another limb, or they
+        are far from where their limb bends; all parts do, which need not turn at their origins. All others keep their
+        translation from the file.
     missing : tuple of str
         Names of limbs without a joint.
     loose : tuple of str
@@ -456,12 +462,11 @@ class _BoneAssignment:
         return shares
 
     def _joined(self, row: int, parent: int) -> bool:
-        """Return whether a joint's bones are those of its parent, or adjacent to them."""
+        """Return whether a joint's bones are those of its parent, or hinged to them where it is."""
         own, above = (set(np.flatnonzero(self.shares[each]).tolist()) for each in (row, parent))
         if not above:
             return all(self.bones.parents[bone] < 0 for bone in own)
-        return bool(
-            own & above
-            or {int(self.bones.parents[bone]) for bone in own} & above
-            or {int(self.bones.parents[bone]) for bone in above} & own
-        )
+        hinges = [bone for bone in own if self.bones.parents[bone] in above]
+        hinges += [bone for bone in above if self.bones.parents[bone] in own]
+        away = [self._away(row, self.bones.heads[bone]) for bone in hinges]
+        return bool(own & above) or min(away, default=np.inf) <= MAX_HINGE_DISTANCE * self.skeleton.diagonal

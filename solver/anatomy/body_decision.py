@@ -184,7 +184,7 @@ class _PairShape:
     names : (4,) float64
         How far names speak for `PAIR_LABELS`.
     side : float
-        Positive if names say that the first branch is left.
+        1 if names say that the first branch is left, −1 if right; 0 if they do not say what it is either.
     """
 
     pair: Pair
@@ -223,7 +223,9 @@ class _PairShape:
             np.array([_bend(line) for line in inner]) / lengths,
             rest,
             np.array([_said(graph, ways[0] + ways[1], label) for label in PAIR_LABELS]),
-            float(np.sign(graph.sides[pair.one] - graph.sides[pair.other])),
+            float(
+                np.sign(graph.sides[pair.one] - graph.sides[pair.other]) * graph.votes[list(sides)].any(axis=1).all()
+            ),
         )
 
 
@@ -320,6 +322,7 @@ class View:
             scores = np.array([measures[:, k] @ weights[label] for k, label in enumerate(PAIR_LABELS)]).T
             scores[np.ix_(self.beyond(head), np.arange(len(PAIR_LABELS)) != PAIR_LABELS.index("ear"))] = -np.inf
             scores[self.beyond(tail), PAIR_LABELS.index("leg")] = -np.inf  # what hangs on a tail are fins
+            scores[[shape.names[2:].max() > 0 for shape in self.shapes], :2] = -np.inf  # called wings or ears
             labels, total = _assigned(scores)
             total += (singles[head, 0] if head >= 0 else 0.0) + (singles[tail, 1] if tail >= 0 else 0.0)
             best = max(best, (float(total), head, tail, labels), key=lambda each: each[0])
@@ -362,12 +365,12 @@ class View:
         arms = [shape.bends for label, shape in chosen if label == "arm"]
         elbows = -np.concatenate([np.zeros((0, 3)), *arms]) @ self.front
         lies = len(legs) > 1 or (not arms and ("wing" in labels or not legs))  # the head is ahead, and not above
-        marks, face = np.flatnonzero(graph.faces), 0.0
+        marks, face = np.flatnonzero(graph.faces), self._named_ahead([shape for _, shape in chosen])
         if "head" in singles and len(marks):
             way = singles["head"]
             named = [node for node in way if graph.votes[node, LABELS.index("head")] and not graph.faces[node]]
             ahead = graph.tips[marks].mean(axis=0) - graph.places[named or way].mean(axis=0)
-            face = float(np.clip(ahead @ self.front / (FACE_SHARE * graph.size), -1, 1))
+            face = float(np.clip(face + ahead @ self.front / (FACE_SHARE * graph.size), -1, 1))
         ends = {
             label: (graph.tips[way[-1]] @ self.front - middle[2]) / max(box[2], 1e-12) for label, way in singles.items()
         }
@@ -387,6 +390,13 @@ class View:
                 ends.get("head", 0.0) if lies else 0.0,
             ]
         )
+
+    def _named_ahead(self, pairs: Sequence[_PairShape]) -> float:
+        """Return how far pairs that are called front are ahead of those that are called hind, from −1 to 1."""
+        named = np.array([self.graph.quarters[[shape.pair.one, shape.pair.other]].mean() for shape in pairs])
+        at = np.array([(shape.roots + shape.ends).mean(axis=0) @ self.front for shape in pairs])
+        ahead = named * (at - at.sum() / max(len(at), 1))
+        return float(ahead.sum() / max(np.abs(ahead).sum(), 1e-12))
 
 
 def _mean(values: Sequence[float] | NDArray[np.float64], limit: float) -> float:

@@ -51,6 +51,8 @@ class BodyGraph:
         1 for the label that a node's name says.
     sides : (n,) float64
         Side that a node's name says: 1 for left, −1 for right, 0 for none.
+    quarters : (n,) float64
+        Pair of limbs that a node's name says: 1 for one in front, −1 for one behind, 0 for none.
     faces : (n,) bool
         Whether a node's name says that it is at the front of the head, as eyes and a jaw are.
     box : (2, 3) float64
@@ -64,6 +66,7 @@ class BodyGraph:
     masses: NDArray[np.float64]
     votes: NDArray[np.float64]
     sides: NDArray[np.float64]
+    quarters: NDArray[np.float64]
     faces: NDArray[np.bool_]
     box: NDArray[np.float64]
 
@@ -99,6 +102,12 @@ class BodyGraph:
     def subtrees(self) -> list[list[int]]:
         """Each node and all nodes below it, parents before their children."""
         return [self._below(node) for node in range(len(self.parents))]
+
+    @cached_property
+    def centers(self) -> NDArray[np.float64]:
+        """Middle (n, 3) of what each node and those below it move, or of their ends."""
+        masses = self.masses + 1e-9
+        return np.array([np.average(self.tips[nodes], axis=0, weights=masses[nodes]) for nodes in self.subtrees])
 
     def _longest(self, node: int) -> list[int]:
         way = [node]
@@ -164,12 +173,13 @@ def find_pairs(graph: BodyGraph, axis: int) -> tuple[list[Pair], list[int]]:
     singles: list[int] = []
     waiting, left_over = [0], list[int]()
     for node in waiting:
-        matched, others = _matched(graph, axis, graph.children[node])
+        below, sides = graph.children[node], graph.sides[graph.subtrees[node]]
+        of_limb = bool((sides[0] * sides > 0).any() and (sides[0] * sides >= 0).all())  # what is below are fingers
+        matched, others = ([], below) if of_limb else _matched(graph, axis, below)
         pairs += [limb for pair in matched for limb in _limbs(graph, axis, pair)]
         singles.append(node)
         waiting += others
-        left_over += others if len(graph.children[node]) > 1 else []
-    left_over = [node for node in left_over if len(graph.children[graph.parents[node]]) > 1]
+        left_over += others if len(below) > 1 and not of_limb else []
     late, _ = _matched(graph, axis, left_over, nested=True)
     inside = {node for pair in late for first in (pair.one, pair.other) for node in graph.subtrees[first]}
     pairs = [pair for pair in pairs if pair.one not in inside and pair.other not in inside]
@@ -231,7 +241,8 @@ def _unlikeness(graph: BodyGraph, axis: int, one: int, other: int) -> float:
     ends = [graph.tips[graph.ways[node][-1]] for node in (one, other)]
     roots = graph.places[[one, other]]
     apart = max(abs(roots[0, axis] - roots[1, axis]), abs(ends[0][axis] - ends[1][axis]))
-    if apart < MIN_BRANCH_SHARE * graph.size:
+    halves = abs(graph.centers[one, axis] - graph.centers[other, axis])  # none between two halves of a body
+    if min(apart, halves) < MIN_BRANCH_SHARE * graph.size:
         return np.inf
     lengths = graph.reach[[one, other]]
     longer = float(lengths.max())

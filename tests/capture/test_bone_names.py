@@ -11,6 +11,7 @@ from capture.bone_names import (
     find_bones,
     find_points,
     joint_meanings,
+    joint_sides,
     ornaments,
 )
 
@@ -128,3 +129,21 @@ def test_initials_are_names_if_all_joints_have_such(form):
 def test_a_wrist_or_ankle_may_follow_the_part_that_begins_there():
     names = ["Body_LeftHandWrist", "Body_RightFootAnkle", "Body_LeftHandPalm", "Body_RightHandWristTwist", "Body_Head"]
     assert find_points(names) == {"wrist_left": [0], "ankle_right": [1]}
+
+
+def test_a_word_of_a_limb_that_all_joints_share_keeps_its_meaning():
+    """All joints of a spider but the root may be of its legs; a leg at the back is no spine."""
+    names = ["root", *(f"leg_{pair}_{side}_{k}" for pair in ("front", "back") for side in "lr" for k in range(3))]
+    assert joint_meanings(names)[4] == JointMeaning("right", "front", "leg")
+    assert joint_meanings(names)[-1] == JointMeaning("right", "hind", "leg")
+    assert joint_sides(["Bone.007.L", "Bone.008.R", "Bone.009"]) == ["left", "right", None]
+
+
+def test_single_words_count_if_most_names_of_a_skeleton_are_unknown():
+    strange = ["torso_joint_1", "arm_joint_L_1", "leg_joint_R_2", "arm_leg_joint_L", "hair_arm_joint_L"]
+    moving = [True] * len(strange)
+    read = [None, JointMeaning("left", None, "upperArm"), JointMeaning("right", None, "leg"), None, None]
+    assert joint_meanings(strange, moving) == read
+    assert joint_meanings(strange) == [None] * 5
+    usual = ["Hips", "Spine", "Neck", "Head", "Hand.L", "Foot.L"]
+    assert joint_meanings([*strange, *usual], [True] * 11)[:5] == [None] * 5

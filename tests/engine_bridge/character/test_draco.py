@@ -76,6 +76,12 @@ def test_weights_may_be_compressed_and_their_joints_not():
     assert_allclose(values["WEIGHTS_0"], VALUES["WEIGHTS_0"], rtol=0, atol=1e-6)
 
 
+def test_what_the_compressed_bytes_hold_counts_if_it_is_more_than_the_file_says(packed):
+    document = load_document(packed(count=88))
+    primitive = document.gltf["meshes"][0]["primitives"][0]
+    assert_allclose(document.attribute(primitive, "POSITION", 90, 3), VALUES["POSITION"], rtol=0, atol=STEP)
+
+
 @pytest.mark.parametrize("change", [{"cut": 40}, {"count": 91}, {"JOINTS_0": 9}])
 def test_damage_is_refused(packed, change):
     refused(MeshError, load_document, packed(**change))

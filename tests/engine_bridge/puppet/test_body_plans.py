@@ -27,6 +27,7 @@ STANDING = {"trunk": points("0 0.8 0, 0 1.1 0, 0 1.4 0"), "head": points("0 1.5 
     ("limbs", "plan"),
     [
         (STANDING | ARMS | legs("leg"), "upright"),
+        ({"trunk": STANDING["trunk"]} | ARMS | legs("leg"), "upright"),
         (LYING | ARMS | legs("leg"), "two legs"),
         (LYING | legs("hind leg", "front leg"), "four legs"),
         (LYING | legs("leg 3", "leg 2", "leg 1"), "many legs"),

@@ -187,3 +187,65 @@ def test_a_head_without_a_joint_is_what_is_above_the_shoulders():
 def test_the_trunk_of_a_body_that_floats_ends_in_it_and_not_at_the_root_on_the_floor():
     upper = PERSON.partition("thigh")[0].replace("hips         -", "hips Root").replace("hips", "body")
     assert_allclose(points_of("~Root - 0 0 0" + upper)["trunk"][0], (0, 1, 0))
+
+
+BOX_PERSON = """
+Bone    -     0   1   0      0 1 0  0 1.5 0
+Bone.1  Bone  0   1.5 0      0 1.5 0  0 1.8 0
+Bone.2{s} Bone     0   1.5 0    0.1 1.5 0   0.1 1.2 0
+Bone.3{s} Bone.2{s} 0.3 1.5 0    0.3 1.5 0   0.3 1.2 0
+Bone.4{s} Bone.3{s} 0.3 1.2 0    0.3 1.2 0   0.3 0.9 0
+~Bone.5{s} -       0   1   0
+Bone.6{s} Bone.5{s} 0.1 1   0    0.1 1 0  0.1 0.5 0
+Bone.7{s} Bone.6{s} 0.1 0.5 0    0.1 0.5 0  0.1 0 0  0.1 0 0.2
+"""
+"""A person whose arms and legs hang on bones that begin in the middle; some are tops of trees of their own."""
+
+
+def test_bones_from_the_middle_of_a_body_to_its_limbs_are_of_the_trunk():
+    found = limbs_of_joints(joints_at(BOX_PERSON)).limbs
+    assert found.points.keys() == {"trunk", "head", "left arm", "right arm", "left leg", "right leg"}
+    nodes = {chain.name: chain.points[0] for chain in found.chains}
+    assert_allclose(nodes["left arm"], (0.3, 1.5, 0))
+    assert_allclose(nodes["left leg"], (0.1, 1, 0))
+    assert_allclose(nodes["right arm"], (-0.3, 1.5, 0))
+    assert_allclose(found.points["trunk"][[0, -1]], [(0, 1, 0), (0, 1.5, 0)])
+    assert_allclose(found.points["head"][-1], (0, 1.8, 0), atol=0.02)
+
+
+def test_a_limb_of_one_joint_begins_where_its_vertices_do():
+    """As arms of boxes that turn about the neck."""
+    table = """
+    body  -     0 1 0    0 1 0  0 1.5 0
+    head  body  0 1.5 0  0 1.5 0  0 1.8 0
+    arm.{S} body 0 1.5 0   0.25 1.5 0  1 1.5 0
+    leg.{S} body 0.1 1 0   0.1 1 0  0.1 0 0
+    """
+    found = points_of(table)
+    assert_allclose(found["left arm"][0], (0.25, 1.5, 0))
+    assert_allclose(found["left leg"][0], (0.1, 1, 0))
+
+
+def test_a_joint_at_the_end_of_a_hand_is_no_wrist():
+    table = """
+    body  -     0 1 0    0 1 0  0 1.5 0
+    head  body  0 1.5 0  0 1.5 0  0 1.8 0
+    arm.{S}     body        0.2 1.5 0   0.2 1.5 0  0.5 1.5 0
+    forearm.{S} arm.{S}     0.5 1.5 0   0.5 1.5 0  0.8 1.5 0
+    hand.{S}    forearm.{S} 0.95 1.5 0  0.8 1.5 0  0.95 1.5 0
+    leg.{S} body 0.1 1 0   0.1 1 0  0.1 0 0
+    """
+    at = points_of(table)["left arm"] @ (1.0, 0, 0)
+    assert_allclose(at[[0, 1, 3]], (0.2, 0.5, 0.95))
+    assert 0.8 <= at[2] < 0.85
+
+
+def test_a_beard_does_not_count_for_the_size_of_a_head():
+    body = """
+    body  -     0 1 0    0 1 0  0 1.5 0
+    head  body  0 1.5 0  0 1.5 0  0 1.8 0
+    Bone  head  0 1.5 0.1  0 1.5 0.1  0 0.9 0.1
+    arm.{S} body 0.2 1.5 0   0.2 1.5 0  1 1.5 0
+    leg.{S} body 0.1 1 0   0.1 1 0  0.1 0 0
+    """
+    assert_allclose(points_of(body)["head"][-1], (0, 1.8, 0), atol=0.02)

@@ -55,7 +55,11 @@ def assert_on_the_right_sides(named, basis):
             assert ((place - other) @ basis[0] > 0) == name.startswith("left")
 
 
-MISREAD = {"armadillo.obj": "tail and neck are not found", "feline_winged_genus2.obj": "a wing is taken for an arm"}
+MISREAD = {
+    "armadillo.obj": "tail and neck are not found",
+    "dinosaur_14k.obj": "the tail is not found",
+    "feline_winged_genus2.obj": "a wing is taken for an arm",
+}
 
 
 @pytest.mark.slow
@@ -214,6 +218,19 @@ def test_other_limbs_are_said_with_the_plan_that_takes_them(blob_file, tmp_path,
         chosen = new_puppet(blob_file, tmp_path / "a.toml", up="y", front="z", plan=plan)
         assert [limb.name for limb in chosen.puppet.limb] == [chain.name for chain in chains]
         assert (chosen.plan, chosen.notes) == (plan, ())
+
+
+def test_any_limbs_that_cannot_stay_are_left_out_together(blob_file, tmp_path, monkeypatch):
+    found = proposal.find_limbs(load_character(blob_file).solver_mesh(), np.eye(3))
+    outside = [LimbChain(name, chain + 50.0) for name, chain in found.points.items() if name.endswith("arm")]
+    rest = [chain for chain in found.chains if not chain.name.endswith("arm")]
+    wrong = [LimbChain("tail", found.points["left leg"]), LimbChain("jaw", found.points["head"])]
+    monkeypatch.setattr(proposal, "find_limbs", lambda *_: Limbs((*rest, *outside, *wrong)))
+    made = new_puppet(blob_file, tmp_path / "a.toml", up="y", front="z")
+    assert {limb.name for limb in made.puppet.limb} == {chain.name for chain in rest}
+    names = [chain.name for chain in (*outside, *wrong)]
+    [note] = made.notes
+    assert all(name in note for name in names)
 
 
 @pytest.mark.parametrize(

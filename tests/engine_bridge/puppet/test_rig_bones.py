@@ -140,7 +140,7 @@ def test_joints_that_a_limb_was_read_from_are_its_own_wherever_they_are(build):
     assert [found[name] for name in own] == [{"left arm 0": 1}, {"left arm 1": 1}, {"left arm 2": 1}]
     assert found["upper"] == found["hand"] == found["neck"] == {"trunk 1": 1}
     assert found["skull"] == {"head 0": 1}
-    assert placed(bones, found) == ["root", "end"]
+    assert placed(bones, found) == ["root", "skull", "high", "low", "end"]  # far from where the limb bends
 
 
 def test_without_a_trunk_what_is_above_the_limbs_stands_still(build):

@@ -25,10 +25,10 @@ ENDS = {"head": (0, 1.8, 0.02), "wrist": (0.88, 1.43, 0), "toes": (0.1, 0.0, 0.2
 """Ends beyond the last joints."""
 
 
-def person(votes=None, sides=None, order=None, turn=None, scale=1.0, shift=(0, 0, 0)):
+def person(votes=None, sides=None, quarters=None, order=None, turn=None, scale=1.0, shift=(0, 0, 0)):
     """Return the graph of a person in a T-pose, and its joints' names, in `order` where that is given.
 
-    Names may vote for a label or tell a side; `turn` are the axes of the new coordinates as rows.
+    Names may vote for a label, or tell a side or what is in front; `turn` are the axes of the new coordinates as rows.
     """
     joints = {}
     for name, (parent, place) in PERSON.items():
@@ -55,6 +55,7 @@ def person(votes=None, sides=None, order=None, turn=None, scale=1.0, shift=(0, 0
         np.full(len(names), 1 / len(names)),
         said,
         np.array([(sides or {}).get(name, 0.0) for name in names]),
+        np.array([(quarters or {}).get(name, 0.0) for name in names]),
         np.zeros(len(names), bool),
         np.array([corners.min(axis=0), corners.max(axis=0)]),
     )

@@ -66,5 +66,22 @@ def test_names_say_what_a_pair_is_and_which_side_is_left():
     assert ("wing", "left arm", "right arm") in limbs(decide(graph, WEIGHTS)[0][1], names)
     for sign in (1.0, -1.0):
         said = {f"{side} {joint}": sign * own for side, own in sides for joint in ("arm", "hip")}
-        [(_, body)] = decide(person(sides=said)[0], WEIGHTS, UP, FRONT)
-        assert dict(zip(ORIENTATION_MEASURES, body.measures, strict=True))["sides"] == sign
+        parts = {f"{side} {joint}": label for side, _ in sides for joint, label in (("arm", "arm"), ("hip", "leg"))}
+        for votes, expected in ((parts, sign), ({}, 0.0)):  # of joints that are only numbered, sides may be a viewer's
+            [(_, body)] = decide(person(votes=votes, sides=said)[0], WEIGHTS, UP, FRONT)
+            assert dict(zip(ORIENTATION_MEASURES, body.measures, strict=True))["sides"] == expected
+
+
+def test_names_of_front_and_hind_limbs_say_where_the_front_is():
+    turn = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])  # it lies, with the arms at −z
+    for sign in (1.0, -1.0):
+        named = {f"{side} {joint}": own for side in ("left", "right") for joint, own in (("arm", sign), ("hip", -sign))}
+        [(_, body)] = decide(person(quarters=named, turn=turn)[0], WEIGHTS, UP, FRONT)
+        assert dict(zip(ORIENTATION_MEASURES, body.measures, strict=True))["face"] == pytest.approx(-sign)
+
+
+def test_wings_and_ears_by_name_are_neither_arms_nor_legs():
+    for label in ("wing", "ear"):
+        told = {f"{side} {joint}": label for side in ("left", "right") for joint in ("hip", "knee", "ankle")}
+        found = limbs(decide(person(votes=told)[0], WEIGHTS, UP, FRONT)[0][1], person()[1])
+        assert not {(kind, "left hip", "right hip") for kind in ("leg", "arm")} & found

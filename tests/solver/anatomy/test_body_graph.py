@@ -1,5 +1,7 @@
 """A body's tree: its lengths and ways by hand, and its pairs whatever the order, scale, place and direction."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -62,3 +64,31 @@ def test_names_with_one_side_or_different_labels_speak_against_a_pair():
     assert unlikeness(sides) <= plain[0].unlikeness + 1e-12
     assert unlikeness(both_left) > 0.1
     assert {pair.one for pair in find_pairs(different, 0)[0]} == {person()[1].index("left hip")}
+
+
+def test_what_is_within_a_limb_of_one_side_is_no_pair():
+    """Two fingers of a hand are as alike as the limbs of a body."""
+    graph, names = person()
+    hand = names.index("left wrist")
+    fingers = graph.places[hand] + np.array([[0.05, 0, 0], [0.15, 0, 0]])
+    more = {
+        "places": np.vstack([graph.places, fingers]),
+        "tips": np.vstack([graph.tips, np.add(fingers, [(-0.1, -0.3, 0), (0.1, -0.3, 0)])]),
+        "parents": np.append(graph.parents, [hand, hand]),
+        "votes": np.vstack([graph.votes, np.zeros((2, graph.votes.shape[1]))]),
+        "radii": np.append(graph.radii, [0.06, 0.06]),
+        "masses": np.append(graph.masses, [0.1, 0.1]),
+        "faces": np.append(graph.faces, [False, False]),
+        "quarters": np.append(graph.quarters, [0.0, 0.0]),
+    }
+    sides = np.where([name.startswith("left") for name in names], 1.0, 0.0)
+    within = replace(graph, **more, sides=np.append(sides, [1.0, 1.0]))
+    assert not any(pair.one >= len(names) or pair.other >= len(names) for pair in find_pairs(within, 0)[0])
+
+
+def test_halves_of_a_body_are_no_pair():
+    """The farthest ends of the upper and the lower half are on different sides."""
+    graph, names = person()
+    halves = [names.index(name) for name in names if "left" not in name and "right" not in name]
+    pairs = find_pairs(graph, 0)[0]
+    assert not {node for pair in pairs for node in (pair.one, pair.other)} & {*halves}

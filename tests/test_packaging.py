@@ -79,7 +79,7 @@ def test_the_wheel_holds_the_packages_with_their_types_tables_and_the_page(wheel
     puppets = installed("examples", "puppets/*.toml")
     tables = installed("capture", "*.toml") | installed("solver", "*.toml") | installed("solver", "*.npz")
     assert clients
-    assert (len(puppets), len(tables)) == (5, 5)
+    assert (len(puppets), len(tables)) == (5, 6)
     assert {name for name in wheel if ".dist-info/" not in name} == modules - clients | types | puppets | tables | page
 
 

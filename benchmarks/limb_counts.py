@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from benchmarks.made_bodies import PLANS, made
 from engine_bridge.character.character import load_character
 from solver.anatomy import limb_counts
-from solver.anatomy.limb_counts import MEASURES, MOST, load_weights, measured, pairs_of
+from solver.anatomy.limb_counts import MEASURES, MOST, largest_first, load_weights, measured, pairs_of
 from solver.anatomy.part_network import PARTS
 from solver.anatomy.solid import Solid, solid_of
 from solver.anatomy.standing import basis_of
@@ -75,7 +75,8 @@ def examples(folder: Path) -> list[Example]:
 def pairs_in(solid: Solid) -> list[Array]:
     """Return what is measured of the pairs of each part."""
     voted, inside = voted_limbs(votes_of(solid)), scipy.spatial.cKDTree(solid.centers)
-    return [measured(list(pairs_of(voted, part, inside))) for part in MOST]
+    found = [list(pairs_of(voted, part, inside)) for part in MOST]
+    return [measured([pairs[row] for row in largest_first(pairs)]) for pairs in found]
 
 
 def is_right(bodies: Sequence[Sequence[int | None]]) -> NDArray[np.bool_]:
@@ -95,7 +96,7 @@ def sums(example: Example, weights: Array) -> tuple[Array, Array]:
     found = np.zeros((len(counts), *weights.shape))
     for part, (pairs, most) in enumerate(zip(example.pairs, MOST.values(), strict=True)):
         rows = np.hstack([np.ones((len(pairs), 1)), pairs])
-        best = rows[np.argsort(-(rows @ weights[part]))[:most]]
+        best = rows[:most]
         table = np.vstack(
             [np.zeros((1, weights.shape[1])), np.cumsum(best, axis=0), np.zeros((most, weights.shape[1]))]
         )

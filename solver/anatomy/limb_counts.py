@@ -35,7 +35,7 @@ USUAL_SHARE, USUAL_SPREAD, SPREAD_UNIT = 0.011, 0.045, 0.02
 FEWEST = 1e-3
 """Share of the points at which a pair gains nothing from being one."""
 
-ASYMMETRY_COST = 8.0
+ASYMMETRY_COST = 3.0
 """What a pair loses per largest extent between a limb and the mirror image of the other."""
 
 WEIGHTS = Path(__file__).with_name("limb_counts.toml")
@@ -98,7 +98,7 @@ def counted_bodies(voted: Sequence[VotedLimb], inside: scipy.spatial.cKDTree) ->
     weights, shares = load_weights()
     pairs = {part: list(pairs_of(voted, part, inside)) for part in MOST}
     scores = {part: measured(own) @ weights[part][1:] + weights[part][0] for part, own in pairs.items()}
-    order = {part: np.argsort(-own, kind="stable").tolist() for part, own in scores.items()}
+    order = {part: largest_first(own) for part, own in pairs.items()}
     possible = [counts for counts in shares if all(n <= len(order[part]) for part, n in zip(MOST, counts, strict=True))]
     odds = [
         shares[counts] + sum(scores[part][row] for part, n in zip(MOST, counts, strict=True) for row in order[part][:n])
@@ -138,6 +138,11 @@ def _image(limb: VotedLimb, voted: Sequence[VotedLimb]) -> VotedLimb:
     middle = np.array([2 * float(np.median(trunk.joints[:, 0])), 0.0, 0.0])
     joints, points = limb.joints * MIRROR + middle, limb.points * MIRROR + middle
     return replace(limb, side=-limb.side, joints=joints, points=points, share=0.0)
+
+
+def largest_first(pairs: Sequence[Sequence[VotedLimb]]) -> list[int]:
+    """Return the order in which pairs count: a small one never counts before a large one."""
+    return sorted(range(len(pairs)), key=lambda row: -sum(limb.share for limb in pairs[row]))
 
 
 def _gain(one: VotedLimb, other: VotedLimb, size: float) -> float:

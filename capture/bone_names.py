@@ -61,10 +61,14 @@ _POINTS = {word: point for point, words in TABLE["points"].items() for word in w
 _INNER_ENDS = {word for word, point in _POINTS.items() if point in ("wrist", "ankle")}
 """Words for where a hand or foot begins, which may follow it: ``HandWrist``."""
 
-_INITIALS = dict(zip("sewhka", ("shoulder", "elbow", "wrist", "hip", "knee", "ankle"), strict=True))
-_MIDDLE_INITIALS = {"n": "neck", "h": "head", "p": "pelvis"}
+_INITIALS, _MIDDLE_INITIALS = (
+    dict(zip(words[::2], words[1::2], strict=True))
+    for words in (TABLE["initials"][kind].split() for kind in ("sided", "middle"))
+)
+_ONE_LETTER_JOINTS = {"n", "h"}
+"""Letters that are joints wherever they stand; a column ``p`` is rather a probability."""
+
 _SIDED_INITIALS = {f"{side}{initial}" for side in "lr" for initial in _INITIALS}
-"""Names of one or two letters, as in ``LS`` for the left shoulder, of joints that all have such names."""
 
 _KNOWN = _WORDS.keys() | _POINTS.keys()
 _TRUNK_PARTS = (*MIDDLE_PARTS, "root", "trunk")
@@ -267,7 +271,7 @@ def _without_side(words: list[str]) -> tuple[str | None, list[str]]:
 def is_known(key: str) -> bool:
     """Return whether a word in lower case is the name of a joint's part."""
     own = _without_digits(key)
-    return own in _KNOWN or own in _SIDED_INITIALS | {"n", "h"} or _FINGER.fullmatch(key) is not None
+    return own in _KNOWN or own in _SIDED_INITIALS | _ONE_LETTER_JOINTS or _FINGER.fullmatch(key) is not None
 
 
 def _without_digits(key: str) -> str:

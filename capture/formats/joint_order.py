@@ -1,11 +1,11 @@
 """Meanings of joints in an unknown order, by how they move: bones keep their lengths, and limbs have two long ones.
 
 The bones are the tree of pairs of joints whose distances are short and constant. Its longest branches are the legs and
-the arms. Feet, or knees that bend, tell the front, and thereby in right-handed axes the sides.
+the arms. Feet, or knees that bend, tell the front, and thereby in right-handed axes the sides. Arrays have no rest
+pose whose sides mirror each other, as `capture.skeleton_shape` needs.
 """
 
 import itertools
-import warnings
 from collections.abc import Sequence
 
 import numpy as np
@@ -40,7 +40,18 @@ CLEAR_SHARE = 0.9
 
 
 def names_by_shape(positions: Floats) -> list[str]:
-    """Return the names of joints that positions (T, J, 3) in right-handed axes show, "" for others; none in doubt."""
+    """Return the names of joints that move as a person's do; none if that is in doubt.
+
+    Parameters
+    ----------
+    positions : (T, J, 3) float64
+        In right-handed axes and any unit. Frames with NaN, or with a joint at the origin, do not count.
+
+    Returns
+    -------
+    list of str
+        For each joint one of `capture.skeleton.JOINTS`, "" for others.
+    """
     known = positions[np.isfinite(positions).all(axis=(1, 2)) & (positions != 0).any(axis=2).all(axis=1)]
     count = positions.shape[1]
     if len(known) < MIN_FRAMES or count not in COUNTS:
@@ -59,7 +70,15 @@ def names_by_shape(positions: Floats) -> list[str]:
 
 
 def _limbs(beside: dict[int, list[int]], mean: Floats) -> list[list[int]]:
-    """Return the joints of legs and arms from the inner end of their long bones outwards, the legs first."""
+    """Return the joints of legs and arms from the inner end of their long bones outwards, the legs first.
+
+    Parameters
+    ----------
+    beside : dict of int to list of int
+        Joints at the other ends of each joint's bones.
+    mean : (J, J) float64
+        Mean distance between any two joints.
+    """
 
     def branch(node: int, before: int) -> tuple[float, list[int]]:
         """Return the longest way from a node on, and its length from the node before."""
@@ -99,6 +118,7 @@ def _limbs(beside: dict[int, list[int]], mean: Floats) -> list[list[int]]:
 
 
 def _named(points: Floats, mean: Floats, limbs: Sequence[list[int]]) -> list[str]:
+    """Return the names of joints at points (T, J, 3) by the two legs and the two arms, in this order; none in doubt."""
     (leg, other_leg), (arm, other_arm) = limbs[:2], limbs[2:]
     hips, shoulders, ankles = (
         points[:, [one[k], other[k]]].mean(axis=1)
@@ -122,11 +142,10 @@ def _named(points: Floats, mean: Floats, limbs: Sequence[list[int]]) -> list[str
             for part, node in zip(parts, [*way[:3], *ends], strict=False):
                 names[node] = f"{part}_{side}"
     middle = shoulders - hips
-    with warnings.catch_warnings(action="ignore"):
-        above = [
-            -np.inf if name else float(np.median(np.einsum("ti,ti->t", points[:, k] - shoulders, middle)))
-            for k, name in enumerate(names)
-        ]
+    above = [
+        -np.inf if name else float(np.median(np.einsum("ti,ti->t", points[:, k] - shoulders, middle)))
+        for k, name in enumerate(names)
+    ]
     if max(above) > 0:
         names[int(np.argmax(above))] = "head"
     return names

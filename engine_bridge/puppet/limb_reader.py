@@ -383,9 +383,9 @@ class LimbReader:
             return list(head)
         tip = self.graph.tips[head[-1]]
         most = np.linalg.norm(np.mean(fronts, axis=0) - tip)
-        return [node for node in head if np.linalg.norm(self.place(node) - tip) < most] or [
-            node for node in head[-1:] if not any(node in self.graph.ancestors(pair.one) for _, pair in self.body.pairs)
-        ]
+        carriers = {node for _, pair in self.body.pairs for node in self.graph.ancestors(pair.one)}
+        beyond = [node for node in head if np.linalg.norm(self.place(node) - tip) < most]
+        return beyond or [node for node in head[-1:] if node not in carriers]
 
     def head(
         self, trunk: JointChain, head: Sequence[int], limbs: dict[str, JointChain], with_neck: bool

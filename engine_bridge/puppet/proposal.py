@@ -42,7 +42,7 @@ MIN_OTHER_PROBABILITY = 0.05
 """Minimum probability of another up or front, or of other limbs, for which there is a note."""
 
 IMPORTANCE = ("trunk", "neck", "head", "leg", "arm", "wing", "tail")
-"""Kinds of limbs, those first that are kept if limbs cannot all be as they were found; others are last."""
+"""Kinds of limbs in the order in which they are kept, if they cannot all be as they were found; others are last."""
 
 PLACEHOLDER_HANDLES = ({"name": "any", "position": (0.0, 0.0, 0.0)},)
 """Handles with which the rest of a puppet is checked before its own are known."""
@@ -212,16 +212,17 @@ def fitting(
         The limbs.
     surface : SolverMesh
     """
-    kept = tables if _is_valid(values | {"handle": [], "limb": tables}, surface) else list[dict[str, Any]]()
-    kinds = dict.fromkeys(_kind(table) for table in tables) if not kept else {}
-    for kind in sorted(kinds, key=_importance):
+    if _is_valid(values | {"handle": [], "limb": tables}, surface):
+        return tables, []
+    kept: list[dict[str, Any]] = []
+    for kind in sorted(dict.fromkeys(map(_kind, tables)), key=_importance):
         tried = [table for table in tables if table in kept or _kind(table) == kind]
-        kept = tried if _is_valid(values | {"handle": [], "limb": tried}, surface) else kept
+        if _is_valid(values | {"handle": [], "limb": tried}, surface):
+            kept = tried
     names = [table["name"] for table in tables if table not in kept]
     if {table["name"] for table in kept} - {"trunk", "neck", "head"}:
         is_or_are = "is" if len(names) == 1 else "are"
-        note = f"{' and '.join(names)} would overlap another limb or leave the mesh, and {is_or_are} left out."
-        return kept, [note] if names else []
+        return kept, [f"{' and '.join(names)} would overlap another limb or leave the mesh, and {is_or_are} left out."]
     return [], [
         "The limbs that were found overlap or leave the mesh, so handles are proposed instead. If the "
         "character has limbs, give their ends: --limb 'left leg=X,Y,Z' --limb 'right leg=X,Y,Z'"
@@ -307,19 +308,21 @@ def limbs_of(
 
 
 def with_plan_of(limbs: Limbs, plan: BodyPlan | None, up: NDArray[np.float64]) -> Limbs:
-    """Return the likeliest limbs of which a body plan would be chosen, if there are any, and no others; or the limbs.
+    """Return the likeliest limbs for which a body plan would be chosen; if there are none, the likeliest of all.
 
     Parameters
     ----------
     limbs : Limbs
     plan : BodyPlan or None
-        None for any.
+        None for limbs with any plan, with what else they may be.
     up : (3,) float64
     """
-    for chains in (limbs.chains, *(other for _, other in limbs.others)) if plan is not None else ():
+    if plan is None:
+        return limbs
+    for chains in (limbs.chains, *(other for _, other in limbs.others)):
         if plan_of(Limbs(chains).points, up) == plan:
             return Limbs(chains, limbs.notes)
-    return limbs if plan is None else replace(limbs, others=())
+    return replace(limbs, others=())
 
 
 def _other_plan(limbs: Limbs, up: NDArray[np.float64]) -> Iterator[str]:

@@ -8,7 +8,7 @@ limbs are. The sum of both is the log odds of a body; `limb_counts.toml` has the
 """
 
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import product
@@ -22,7 +22,7 @@ from solver.anatomy.part_network import PARTS
 from solver.anatomy.voted_limbs import MAX_OUTSIDE, MIRROR, VotedLimb
 
 MOST = {"arm": 2, "leg": 4, "wing": 1, "tail": 1}
-"""Parts that are counted, and the maximum numbers of pairs; of tails, those in the middle."""
+"""Parts that are counted, and the maximum number of pairs of each; a tail, in the middle, counts as a pair."""
 
 MEASURES = ("share", "beside others", "chance", "spread", "single")
 """What is measured of a pair: the logarithm of its share of the points, where that of the smaller limb counts, and of
@@ -36,7 +36,7 @@ FEWEST = 1e-3
 """Share of the points at which a pair gains nothing from being one."""
 
 ASYMMETRY_COST = 3.0
-"""What a pair loses per largest extent between a limb and the mirror image of the other."""
+"""What a pair loses for each largest extent of the character between a limb and the mirror image of the other."""
 
 WEIGHTS = Path(__file__).with_name("limb_counts.toml")
 
@@ -52,7 +52,7 @@ class CountedBody:
     chance : float
         Its probability.
     limbs : dict of str to list of tuple of VotedLimb
-        For each part of `MOST` its pairs, left before right, the likeliest first; tails, and arms without a
+        For each part of `MOST` its pairs, left before right, the largest first; tails, and arms without a
         counterpart, are alone.
     """
 
@@ -62,14 +62,22 @@ class CountedBody:
 
 @cache
 def load_weights() -> tuple[dict[str, NDArray[np.float64]], dict[Counts, float]]:
-    """Return the weights of one and of `MEASURES` for each part, and the log probability of each body by its counts."""
+    """Return what the file says.
+
+    Returns
+    -------
+    weights : dict of str to (6,) float64
+        For each part its bias and the weights of `MEASURES`.
+    shares : dict
+        As in `log_shares`.
+    """
     table = tomllib.loads(WEIGHTS.read_text(encoding="utf-8"))
     weights = {part: np.array([table[part][name] for name in ("bias", *MEASURES)]) for part in MOST}
     return weights, log_shares(table["seen"]["bodies"], table["seen"]["other"])
 
 
 def log_shares(bodies: Sequence[Sequence[float]], other: Sequence[float]) -> dict[Counts, float]:
-    """Return the log probability of each body by its counts.
+    """Return the logarithm of how common each body is, up to a constant, by its counts in the order of `MOST`.
 
     Parameters
     ----------
@@ -96,40 +104,39 @@ def counted_bodies(voted: Sequence[VotedLimb], inside: scipy.spatial.cKDTree) ->
         Points inside the character, all over it.
     """
     weights, shares = load_weights()
-    pairs = {part: list(pairs_of(voted, part, inside)) for part in MOST}
+    pairs = {part: pairs_of(voted, part, inside) for part in MOST}
     scores = {part: measured(own) @ weights[part][1:] + weights[part][0] for part, own in pairs.items()}
-    order = {part: largest_first(own) for part, own in pairs.items()}
-    possible = [counts for counts in shares if all(n <= len(order[part]) for part, n in zip(MOST, counts, strict=True))]
-    odds = [
-        shares[counts] + sum(scores[part][row] for part, n in zip(MOST, counts, strict=True) for row in order[part][:n])
-        for counts in possible
-    ]
+    totals = {part: np.concatenate([[0.0], np.cumsum(own)]) for part, own in scores.items()}
+    possible = [dict(zip(MOST, counts, strict=True)) for counts in shares]
+    possible = [counts for counts in possible if all(n <= len(pairs[part]) for part, n in counts.items())]
+    odds = [shares[*counts.values()] + sum(totals[part][n] for part, n in counts.items()) for counts in possible]
     found = [
-        CountedBody(
-            float(chance),
-            {part: [pairs[part][row] for row in order[part][:n]] for part, n in zip(MOST, counts, strict=True)},
-        )
+        CountedBody(float(chance), {part: pairs[part][:n] for part, n in counts.items()})
         for counts, chance in zip(possible, scipy.special.softmax(odds), strict=True)
     ]
     return sorted(found, key=lambda body: -body.chance)
 
 
-def pairs_of(voted: Sequence[VotedLimb], part: str, inside: scipy.spatial.cKDTree) -> Iterator[tuple[VotedLimb, ...]]:
-    """Yield the pairs of a part; tails, and arms without a counterpart, are alone."""
+def pairs_of(voted: Sequence[VotedLimb], part: str, inside: scipy.spatial.cKDTree) -> list[tuple[VotedLimb, ...]]:
+    """Return the pairs of a part, the largest first; tails, and arms without a counterpart, are alone.
+
+    The parameters are those of `counted_bodies`.
+    """
     size = float(np.max(inside.maxes - inside.mins))
     left, right = ([limb for limb in voted if limb.part == part and limb.side == side] for side in (1, -1))
     gains = np.array([[_gain(one, other, size) for other in right] for one in left]).reshape(len(left), len(right))
-    paired: list[VotedLimb] = []
-    for row, column in zip(*scipy.optimize.linear_sum_assignment(-np.maximum(gains, 0.0)), strict=True):
-        if gains[row, column] > 0:
-            yield left[row], right[column]
-            paired += [left[row], right[column]]
+    matched = zip(*scipy.optimize.linear_sum_assignment(-np.maximum(gains, 0.0)), strict=True)
+    found: list[tuple[VotedLimb, ...]] = [
+        (left[row], right[column]) for row, column in matched if gains[row, column] > 0
+    ]
+    paired = [limb for pair in found for limb in pair]
     for limb in [limb for limb in voted if limb.part == part and limb not in paired]:
         image = _image(limb, voted)
         if limb.side and np.max(inside.query(image.joints)[0]) < MAX_OUTSIDE * size:
-            yield (limb, image) if limb.side > 0 else (image, limb)
+            found.append((limb, image) if limb.side > 0 else (image, limb))
         elif part in ("arm", "tail"):
-            yield (limb,)
+            found.append((limb,))
+    return sorted(found, key=lambda pair: -sum(limb.share for limb in pair))
 
 
 def _image(limb: VotedLimb, voted: Sequence[VotedLimb]) -> VotedLimb:
@@ -140,11 +147,6 @@ def _image(limb: VotedLimb, voted: Sequence[VotedLimb]) -> VotedLimb:
     return replace(limb, side=-limb.side, joints=joints, points=points, share=0.0)
 
 
-def largest_first(pairs: Sequence[Sequence[VotedLimb]]) -> list[int]:
-    """Return the order in which pairs count: a small one never counts before a large one."""
-    return sorted(range(len(pairs)), key=lambda row: -sum(limb.share for limb in pairs[row]))
-
-
 def _gain(one: VotedLimb, other: VotedLimb, size: float) -> float:
     """Return how well two limbs are a pair: both have many points, and they mirror each other but for their place."""
     ways = one.joints - other.joints * MIRROR
@@ -153,7 +155,7 @@ def _gain(one: VotedLimb, other: VotedLimb, size: float) -> float:
 
 
 def measured(pairs: Sequence[Sequence[VotedLimb]]) -> NDArray[np.float64]:
-    """Return `MEASURES` (n, 5) of the pairs of a part."""
+    """Return `MEASURES` (n, 5) of all n pairs of a part; the share of the largest one counts for the others."""
     seen = [[limb for limb in pair if limb.share] for pair in pairs]
     shares = [min(limb.share for limb in limbs) for limbs in seen]
     rows = [_measures(limbs, share, max(shares)) for limbs, share in zip(seen, shares, strict=True)]

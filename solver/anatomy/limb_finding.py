@@ -33,8 +33,8 @@ MIN_HOCK = 0.1
 """Minimum bend of hind legs at a hock, as a share of the line from the knee to the foot. 85 of 100 rigs of animals have
 it."""
 
-MIN_CHANCE = 0.02
-"""Minimum probability of the other bodies that are returned."""
+MIN_OTHER_CHANCE = 0.02
+"""Minimum probability of a body that is returned beside the likeliest one."""
 
 MIN_NECK_SHARE = 0.3
 """Minimum length of a neck that is a limb, as a share of the trunk's length."""
@@ -65,8 +65,11 @@ def find_limbs(
     """
     finder = _Finder(solid_of(mesh).along(basis), {name: basis @ np.asarray(end) for name, end in ends.items()})
     (_, limbs), *others = finder.bodies()
-    likely = ((chance, _chains(other, basis)) for chance, other in others if chance >= MIN_CHANCE)
-    return Limbs(_chains(limbs, basis), tuple(_missing(limbs)), tuple(likely))
+    return Limbs(
+        _chains(limbs, basis),
+        tuple(_missing(limbs)),
+        tuple((chance, _chains(other, basis)) for chance, other in others),
+    )
 
 
 def _chains(found: Mapping[str, Points], basis: NDArray[np.float64]) -> tuple[LimbChain, ...]:
@@ -103,8 +106,9 @@ class _Finder:
         self.given = {name: self._given(name, end) for name, end in ends.items() if name not in ON_HEAD}
 
     def bodies(self) -> Iterator[tuple[float, dict[str, Points]]]:
-        """Yield the bodies that the limbs may be, with their probabilities: the points of each limb by its name."""
-        for body in counted_bodies(self.voted, self.inside):
+        """Yield each likely body, the likeliest first: its probability, and the points of its limbs by their names."""
+        bodies = counted_bodies(self.voted, self.inside)
+        for body in [body for body in bodies if body is bodies[0] or body.chance >= MIN_OTHER_CHANCE]:
             found = self._trunk_and_head(len(body.limbs["leg"])) | self._pair("arm", body) | self._legs(body)
             found |= self._pair("wing", body)
             if body.limbs["tail"]:
@@ -127,7 +131,7 @@ class _Finder:
         return evenly(np.array([trunk[np.linalg.norm(trunk - end, axis=1).argmin()], end]), 4)
 
     def _pair(self, part: str, body: CountedBody) -> dict[str, Points]:
-        """Return the likeliest limb of each side."""
+        """Return the limbs of the largest pair by name; of a single arm, this one."""
         for pair in body.limbs[part][:1]:
             if len(pair) == 2:
                 return self._sides(part, pair[0].joints, pair[1].joints)

@@ -20,11 +20,13 @@ MAX_APART = 0.15
 """Maximum mean distance between the votes of one limb, in largest extents."""
 
 MIN_VOTES = 12
-"""Minimum number of points that vote for a limb."""
+"""Minimum number of points that vote for an arm, leg, wing or tail."""
 
-MIN_SHARE, MIN_PART_SHARE, MIN_CHANCE = 0.012, 0.25, 0.55
-"""Minimum share of the points that vote for a head, in all points, and in those for the largest head, which is true of
-a trunk too, and minimum mean probability of a head at these points."""
+MIN_PART_SHARE = 0.25
+"""Minimum number of points that vote for a trunk or a head, as a share of those for the largest one."""
+
+MIN_SHARE, MIN_CHANCE = 0.012, 0.55
+"""Minimum share of all points that vote for a head, and minimum mean probability of a head at these points."""
 
 PAIRED = ("arm", "leg", "wing")
 """Parts that have a side."""
@@ -150,7 +152,7 @@ def voted_limbs(votes: Votes) -> list[VotedLimb]:
             groups = sorted(_groups(votes.joints[own], MAX_APART * size), key=len, reverse=True)
             for group in groups:
                 limb = _limb(votes, own[group], name, side, size) if len(group) else None
-                if limb is not None and _counts(limb, len(groups[0])):
+                if limb is not None and _is_kept(limb, len(groups[0])):
                     limbs.append(limb)
     return limbs
 
@@ -165,12 +167,17 @@ def _limb(votes: Votes, own: NDArray[np.int64], part: str, side: int, size: floa
     return VotedLimb(part, side, joints, chances, points, len(own) / len(votes.points), spread)
 
 
-def _counts(limb: VotedLimb, most: int) -> bool:
-    """Return whether a limb is not too small or uncertain to be one, if the largest of its kind has most points."""
+def _is_kept(limb: VotedLimb, most: int) -> bool:
+    """Return whether a limb has enough votes, if the largest of its part and side has most of them.
+
+    Which arms, legs, wings and tails a body has is decided later.
+    """
     if limb.part not in ("trunk", "head"):
         return len(limb.points) >= MIN_VOTES
-    is_large = len(limb.points) >= MIN_PART_SHARE * most
-    return is_large and (limb.part == "trunk" or (limb.share >= MIN_SHARE and limb.chances[1] >= MIN_CHANCE))
+    if len(limb.points) < MIN_PART_SHARE * most:
+        return False
+    is_certain = limb.share >= MIN_SHARE and limb.chances[PARTS.index("head")] >= MIN_CHANCE
+    return limb.part == "trunk" or bool(is_certain)
 
 
 def _groups(joints: Points, apart: float) -> list[NDArray[np.int64]]:

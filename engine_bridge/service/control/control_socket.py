@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any, cast
 
 import msgpack
@@ -149,7 +150,8 @@ def request(
             socket.plain_username, socket.plain_password = b"puppetline", password
         monitor = socket.get_monitor_socket(zmq.EVENT_HANDSHAKE_FAILED_AUTH | zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL)
         socket.connect(address)
-        socket.send(encode({"do": do, "id": 1, **arguments}, encoding))
+        with suppress(zmq.Again):  # a service that has refused this client already takes nothing, and `monitor` tells
+            socket.send(encode({"do": do, "id": 1, **arguments}, encoding), zmq.NOBLOCK)
         poller = zmq.Poller()
         poller.register(socket, zmq.POLLIN)
         poller.register(monitor, zmq.POLLIN)

@@ -8,7 +8,9 @@ import zmq
 import zmq.auth
 from zmq.utils.monitor import recv_monitor_message
 
+from engine_bridge.service.control import control_socket
 from engine_bridge.service.control.control_socket import request
+from engine_bridge.service.control.requests import encode
 from engine_bridge.service.security import endpoints as endpoints_module
 from engine_bridge.service.security import guard as guard_module
 from engine_bridge.service.security.credentials import make_curve_keys
@@ -130,6 +132,27 @@ def test_the_control_socket_has_the_same_lock_and_refusals_are_logged_without_se
     opened.wait(lambda: opened.service._guard.refused >= 2)
     assert "private" not in caplog.text
     assert TOKEN not in caplog.text
+
+
+def test_a_request_that_is_late_is_told_that_it_was_refused_before(house, monkeypatch):
+    """It is encoded when the client's socket no longer has a connection to send it to."""
+    opened = house("PLAIN")
+    clients, monitor_of = [], zmq.Socket.get_monitor_socket
+
+    def monitored(socket, events):
+        clients.append(socket)
+        return monitor_of(socket, events)
+
+    def late(*request):
+        while clients[-1].poll(0, zmq.POLLOUT):
+            pass
+        return encode(*request)
+
+    monkeypatch.setattr(zmq.Socket, "get_monitor_socket", monitored)
+    monkeypatch.setattr(control_socket, "encode", late)
+    address = addresses(opened, "PLAIN")[1]
+    told = opened.beside(refused, ServiceError, request, address, "ping", token="a-wrong-one-that-is-private")
+    assert told.found == "a service that refuses this client"
 
 
 GREETING = b"\xff" + bytes(8) + b"\x7f\x03\x01%b\x00" + bytes(31)

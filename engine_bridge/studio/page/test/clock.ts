@@ -21,13 +21,36 @@ export async function pass(milliseconds: number): Promise<void> {
   now = end;
 }
 
+/** Let time go by in which nothing runs, as in a tab that sleeps. */
+export function sleep(milliseconds: number): void {
+  now += milliseconds;
+}
+
+function stop(timer: number): void {
+  timers = timers.filter(({ id }) => id !== timer);
+}
+
 Object.assign(globalThis, {
   setTimeout: (work: () => void, milliseconds = 0) => {
     timers.push({ id: ++made, at: now + milliseconds, work });
     return made;
   },
-  clearTimeout: (timer: number) => {
-    timers = timers.filter(({ id }) => id !== timer);
+  setInterval: (work: () => void, milliseconds: number) => {
+    const id = ++made;
+    const wait = (): void => {
+      timers.push({
+        id,
+        at: now + milliseconds,
+        work: () => {
+          wait();
+          work();
+        },
+      });
+    };
+    wait();
+    return id;
   },
+  clearTimeout: stop,
+  clearInterval: stop,
 });
 performance.now = () => now;

@@ -50,6 +50,9 @@ MAX_COUNTS = 3
 SENTENCES_SHARE = 0.8
 """Smallest share of the lines of a text that have the same words and numbers in the same order."""
 
+MIN_THREES = 6
+"""Number of names with two empty cells after them from which each name is that of three columns."""
+
 MAX_POINT_NUMBERS = 7
 """Largest number of numbers of a point in a cell; more are those of all points."""
 
@@ -281,7 +284,8 @@ def _of_sentences(lines: Sequence[Line]) -> tuple[Sequence[Line], list[list[str]
     """Return lines and cells, with a header, of text with words before numbers, such as ``Head: position (1, 2, 3)``.
 
     Most lines have the same number of words and numbers in the same order; others are left out. Words that are equal in
-    all lines name the numbers after them. A word that differs is a cell.
+    all lines name the numbers after them. A word that differs is a cell; lists with symbols have no
+    others.
     """
     tokens = [(line, _TOKENS.findall(line[1])) for line in lines]
     kinds = Counter(tuple(number(token) is None for token in own) for _, own in tokens)
@@ -296,8 +300,6 @@ def _of_sentences(lines: Sequence[Line]) -> tuple[Sequence[Line], list[list[str]
             label = own[0][1][index]
         else:
             columns.append((index, label or "joint"))
-    if not label:
-        return [], []
     labels = [label for _, label in columns]
     header = [
         f"{label} {'xyz'[labels[:place].count(label)]}" if labels.count(label) == 3 else label
@@ -306,6 +308,7 @@ def _of_sentences(lines: Sequence[Line]) -> tuple[Sequence[Line], list[list[str]
     if labels[0].lower() == "joint" and len(set(labels[1:4])) == 1:  # whose position follows
         header[1:4] = "xyz"
     chosen = [line for line, _ in own]
+    header = header if label else [""] * len(header)
     return [chosen[0], *chosen], [header, *([each[index] for index, _ in columns] for _, each in own)]
 
 
@@ -424,8 +427,11 @@ def _names(header: list[list[str]], width: int) -> list[list[str]]:
     columns: list[list[str]] = [[] for _ in range(width)]
     for level, row in enumerate(header):
         last = ""
+        named = [column for column, cell in enumerate(row) if cell]
+        apart = [after - before for before, after in itertools.pairwise(named)]
+        is_for_three = apart.count(3) >= max(MIN_THREES, len(apart) - 2)  # such as those of the time and of a rate
         for names, cell in zip(columns, row + [""] * width, strict=False):
-            last = cell or (last if level < len(header) - 1 else "")
+            last = cell or (last if level < len(header) - 1 or is_for_three else "")
             if last:
                 names.append(last)
     for names, kind in zip(columns[2:], types[2:], strict=False):

@@ -73,7 +73,19 @@ def test_positions_may_have_names_axes_apart_matrices_and_a_rate(read, content, 
 
 @pytest.mark.parametrize(
     "name",
-    ["kinect_v1", "utd_mhad", "msr_action3d", "human36m", "kinect_v2", "mediapipe", "mediapipe_22", "zed_34", "zed_38"],
+    [
+        "kinect_v1",
+        "utd_mhad",
+        "msr_action3d",
+        "nuitrack",
+        "human36m",
+        "kinect_v2",
+        "body_25b",
+        "mediapipe",
+        "mediapipe_22",
+        "zed_34",
+        "zed_38",
+    ],
 )
 @pytest.mark.parametrize("axes", [(0, 1, 2), (1, 2, 0), (2, 0, 1)])
 def test_the_order_of_joints_and_axes_is_found(read, name, axes):

@@ -136,7 +136,7 @@ def split(lines: Sequence[Line]) -> Cells | None:
     lines = [(at, text.lstrip("#% ") if text.lstrip()[:1] in "#%" else text) for at, text in _whole_rows(lines)]
     if not lines:
         return None
-    separator, rows = _rows(lines)
+    separator, lines, rows = _rows(lines)
     count = len(rows)
     first = next((index for index, row in enumerate(rows) if _has_numbers(row)), None)
     if blocks := _under_headlines(lines) or _under_counts(rows, lines):
@@ -213,14 +213,19 @@ def _width(rows: list[list[str]], first: int) -> int:
     return width - 1 if is_empty and width > 1 else width  # the lines end in a separator
 
 
-def _rows(lines: Sequence[Line]) -> tuple[str | None, list[list[str]]]:
-    """Return the separator of lines, and their cells; groups of numbers without names are cells each."""
+def _rows(lines: Sequence[Line]) -> tuple[str | None, Sequence[Line], list[list[str]]]:
+    """Return the separator of lines, these and their cells; groups of numbers without names are cells each.
+
+    A first row that counts the columns, which pandas writes for names, is left out.
+    """
     separator = _separator([text for _, text in lines[:60]])
     rows = [_row(text, separator) for _, text in lines]
     numbered = int(all(cell.isdecimal() for cell in rows[0]))
     if len(rows) > numbered and all(map(_is_plain_vector, rows[numbered][:2])):
-        return None, [_NUMBERS.findall(text) if index >= numbered else [] for index, (_, text) in enumerate(lines)]
-    return separator, rows
+        rows = [_NUMBERS.findall(text) if index >= numbered else [] for index, (_, text) in enumerate(lines)]
+        return None, lines, rows
+    names = int(len(rows) > 1 and _counts(rows[0]) and _has_numbers(rows[1]))
+    return separator, lines[names:], rows[names:]
 
 
 def _under_headlines(lines: Sequence[Line]) -> tuple[Sequence[Line], list[list[str]], int] | None:
@@ -409,6 +414,12 @@ def _row(text: str, separator: str | None) -> list[str]:
     if "," in text and (separator != "," or '"' in text):
         cells = [cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell for cell in cells]
     return cells
+
+
+def _counts(row: Sequence[str]) -> bool:
+    """Return whether the numbers of a row count its cells."""
+    numbers = [int(cell) for cell in row if cell.isdecimal() and len(cell) < DIGITS]
+    return len(numbers) > MIN_THREES and numbers == [*range(numbers[0], numbers[0] + len(numbers))]
 
 
 def _has_numbers(row: Sequence[str]) -> bool:

@@ -95,6 +95,13 @@ def test_the_order_of_joints_and_axes_is_found(read, name, axes):
     assert clip.times[1] == 0.02
 
 
+@pytest.mark.parametrize("count", [3, 4])
+def test_rotations_may_follow_positions(read, count):
+    turns = np.random.default_rng(0).uniform(-90, 90, (*PERSON.shape[:2], count))
+    [clip] = read(arrays, npz(frames=np.concatenate([PERSON, turns], axis=2)[None]))
+    assert_reads(clip)
+
+
 def test_people_and_confidences_in_an_archive(read):
     people = np.stack([PERSON, PERSON + np.array([1.0, 0, 0])])
     content = np.concatenate([people, np.ones((2, 4, 20, 1))], axis=3)

@@ -134,6 +134,7 @@ TIMELESS = {
     "a column of parts": ["parts,x_coords,y_coords,z_coords", *long("{name},{x},{y},{z}", names=JOINTS)],
     "sentences": long(SENTENCE, above=["frame {} begins"]),
     "equations": long("{name} - X = {x} | Y = {y} | Z = {z}", names=TITLES, above=["frame {} begins"]),
+    "numbers of columns for names": [",".join(map(str, range(3 * len(JOINTS)))) + ",label", *wide(end=",squat")],
     "lists with symbols": ["[", *long("[\\{name},{x},{y},{z}],", names=JOINTS), "]"],
     "states in words": long("{name} at [{x} {y} {z}] state Tracked", names=TITLES, above=["frame {} begins"]),
     "positions beside rotations": [
@@ -179,6 +180,9 @@ LANDMARKS = {
         ),
         *(line + (k == 1) * (63 * ",0.5") for k, line in enumerate(wide(points=POINTS))),
     ],
+    "a hand after the pose, and words before it": wide(
+        points=POINTS, lead="0_{frame},8_12,wave,easy,", end=63 * ",0.5"
+    ),
     "names of pictures": wide(points=POINTS, lead="squat_{frame}.jpg,"),
     "a face after the pose": [heads("x{0},y{0},z{0}", range(1, 502)), *wide(points=POINTS, end=468 * ",0,0,0")],
     "a word and a number": ["Pose,Landmark,X,Y,Z", *long("up,Landmark_{name},{x},{y},{z}", POINTS)],

@@ -36,8 +36,9 @@ MAX_CHANGE, MAX_SPREAD = 0.1, 0.5
 """Median relative change of a bone's length from frame to frame, up to 0.08 in trackers with few images a second, and
 its range over the recording beside the size of the body, up to 0.4."""
 
-MAX_SHAPE_CHANGE = 0.35
-"""The first of these, beside the size of the body, from which positions are no body's: up to 0.06 in recordings."""
+MAX_SHAPE_CHANGE, MIN_SHAPES = 0.35, 20
+"""The first of these, beside the size of the body, from which positions are no body's, and number of frames that
+tell it; recordings have up to 0.06, and many pictures of people 0.11."""
 
 STRETCHED, STRETCHED_SHARE = 0.85, 0.5
 """A body is stretched out if its legs are this share of their length long, and have this cosine to the trunk; a note on
@@ -57,7 +58,7 @@ def checked(path: Path, clips: Sequence[SkeletonClip]) -> list[SkeletonClip]:
     """
     changes = [_changes(_points(clip)) for clip in clips]
     least = min((shape for _, shape, _ in changes), default=0.0)
-    if least > MAX_SHAPE_CHANGE and all(clip.legs == 2 for clip in clips):
+    if least > MAX_SHAPE_CHANGE and all(clip.legs == 2 and len(clip.times) >= MIN_SHAPES for clip in clips):
         raise SkeletonLogError(
             path,
             found=f"a body whose proportions change by {100 * least:.0f} % from frame to frame",

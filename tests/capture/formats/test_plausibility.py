@@ -137,6 +137,8 @@ def test_people_of_any_size_are_people_and_what_has_other_proportions_in_each_fr
     others = person(20) * rng.uniform(0.4, 1.6, (20, 20, 1))
     with pytest.raises(SkeletonLogError, match=r"a body whose proportions change by \d+ % from frame to frame"):
         checked(PATH, [clip_of(others)])
+    with pytest.raises(SkeletonLogError, match="a contorted body"):  # few frames may be pictures of anything
+        checked(PATH, [clip_of(others[:19])])
 
 
 def test_sides_that_differ_have_a_note():

@@ -50,6 +50,9 @@ MAX_COUNTS = 3
 SENTENCES_SHARE = 0.8
 """Smallest share of the lines of a text that have the same words and numbers in the same order."""
 
+MIN_THREES = 6
+"""Number of names with two empty cells after them from which each name is that of three columns."""
+
 MAX_POINT_NUMBERS = 7
 """Largest number of numbers of a point in a cell; more are those of all points."""
 
@@ -133,7 +136,7 @@ def split(lines: Sequence[Line]) -> Cells | None:
     lines = [(at, text.lstrip("#% ") if text.lstrip()[:1] in "#%" else text) for at, text in _whole_rows(lines)]
     if not lines:
         return None
-    separator, rows = _rows(lines)
+    separator, lines, rows = _rows(lines)
     count = len(rows)
     first = next((index for index, row in enumerate(rows) if _has_numbers(row)), None)
     if blocks := _under_headlines(lines) or _under_counts(rows, lines):
@@ -210,14 +213,19 @@ def _width(rows: list[list[str]], first: int) -> int:
     return width - 1 if is_empty and width > 1 else width  # the lines end in a separator
 
 
-def _rows(lines: Sequence[Line]) -> tuple[str | None, list[list[str]]]:
-    """Return the separator of lines, and their cells; groups of numbers without names are cells each."""
+def _rows(lines: Sequence[Line]) -> tuple[str | None, Sequence[Line], list[list[str]]]:
+    """Return the separator of lines, these and their cells; groups of numbers without names are cells each.
+
+    A first row that counts the columns, which pandas writes for names, is left out.
+    """
     separator = _separator([text for _, text in lines[:60]])
     rows = [_row(text, separator) for _, text in lines]
     numbered = int(all(cell.isdecimal() for cell in rows[0]))
     if len(rows) > numbered and all(map(_is_plain_vector, rows[numbered][:2])):
-        return None, [_NUMBERS.findall(text) if index >= numbered else [] for index, (_, text) in enumerate(lines)]
-    return separator, rows
+        rows = [_NUMBERS.findall(text) if index >= numbered else [] for index, (_, text) in enumerate(lines)]
+        return None, lines, rows
+    names = int(len(rows) > 1 and _counts(rows[0]) and _has_numbers(rows[1]))
+    return separator, lines[names:], rows[names:]
 
 
 def _under_headlines(lines: Sequence[Line]) -> tuple[Sequence[Line], list[list[str]], int] | None:
@@ -281,7 +289,8 @@ def _of_sentences(lines: Sequence[Line]) -> tuple[Sequence[Line], list[list[str]
     """Return lines and cells, with a header, of text with words before numbers, such as ``Head: position (1, 2, 3)``.
 
     Most lines have the same number of words and numbers in the same order; others are left out. Words that are equal in
-    all lines name the numbers after them. A word that differs is a cell.
+    all lines name the numbers after them. A word that differs is a cell; lists with symbols have no
+    others.
     """
     tokens = [(line, _TOKENS.findall(line[1])) for line in lines]
     kinds = Counter(tuple(number(token) is None for token in own) for _, own in tokens)
@@ -296,8 +305,6 @@ def _of_sentences(lines: Sequence[Line]) -> tuple[Sequence[Line], list[list[str]
             label = own[0][1][index]
         else:
             columns.append((index, label or "joint"))
-    if not label:
-        return [], []
     labels = [label for _, label in columns]
     header = [
         f"{label} {'xyz'[labels[:place].count(label)]}" if labels.count(label) == 3 else label
@@ -306,6 +313,7 @@ def _of_sentences(lines: Sequence[Line]) -> tuple[Sequence[Line], list[list[str]
     if labels[0].lower() == "joint" and len(set(labels[1:4])) == 1:  # whose position follows
         header[1:4] = "xyz"
     chosen = [line for line, _ in own]
+    header = header if label else [""] * len(header)
     return [chosen[0], *chosen], [header, *([each[index] for index, _ in columns] for _, each in own)]
 
 
@@ -408,6 +416,12 @@ def _row(text: str, separator: str | None) -> list[str]:
     return cells
 
 
+def _counts(row: Sequence[str]) -> bool:
+    """Return whether the numbers of a row count its cells."""
+    numbers = [int(cell) for cell in row if cell.isdecimal() and len(cell) < DIGITS]
+    return len(numbers) > MIN_THREES and numbers == [*range(numbers[0], numbers[0] + len(numbers))]
+
+
 def _has_numbers(row: Sequence[str]) -> bool:
     """Return whether most of at least three known cells of a row are numbers, or all of the few among unknown ones."""
     known = [cell for cell in row if cell.lower() not in UNKNOWN]
@@ -424,8 +438,11 @@ def _names(header: list[list[str]], width: int) -> list[list[str]]:
     columns: list[list[str]] = [[] for _ in range(width)]
     for level, row in enumerate(header):
         last = ""
+        named = [column for column, cell in enumerate(row) if cell]
+        apart = [after - before for before, after in itertools.pairwise(named)]
+        is_for_three = apart.count(3) >= max(MIN_THREES, len(apart) - 2)  # such as those of the time and of a rate
         for names, cell in zip(columns, row + [""] * width, strict=False):
-            last = cell or (last if level < len(header) - 1 else "")
+            last = cell or (last if level < len(header) - 1 or is_for_three else "")
             if last:
                 names.append(last)
     for names, kind in zip(columns[2:], types[2:], strict=False):

@@ -18,6 +18,7 @@ from capture.formats._rows import read_lines
 from puppetline.errors import SkeletonLogError, at
 
 _PART = re.compile(r'[()]|"[^"]*"|[^\s()"]+')
+_SYMBOLS = re.compile(rb"[\[\s]+[\\:][A-Za-z]")
 _LISTS = re.compile(rb"[^\n]*\(\s*\w+\s+\(")
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 
@@ -32,7 +33,7 @@ def is_document(head: bytes) -> bool:
     """Return whether a file's head is that of JSON (not glTF), XML or bracketed lists."""
     start = head.removeprefix(b"\xef\xbb\xbf").lstrip()
     is_page = re.match(rb"<(!doctype|html)", start, re.IGNORECASE) is not None
-    is_marked = start[:1] in (b"{", b"[", b"<") and not is_page
+    is_marked = start[:1] in (b"{", b"[", b"<") and not is_page and _SYMBOLS.match(start) is None
     if re.match(GLTF, head, re.DOTALL):
         return False
     return is_marked or _LISTS.match(start) is not None

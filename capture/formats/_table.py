@@ -371,12 +371,14 @@ class Table:
         if self.width in OTHER_LAYOUTS and chosen in (None, OTHER_LAYOUTS[self.width][0]):
             name, starts = OTHER_LAYOUTS[self.width]
             yield name, starts, 4
+        words = [k for k, cell in enumerate(self.cells.rows[0]) if number(cell) is None]
         for (name, joints), size in itertools.product(JOINT_SETS.items(), WIDTHS):
             extra = self.width - size * len(joints)
-            if chosen in (None, name) and 0 <= extra <= MAX_EXTRA_COLUMNS:
-                texts = [k for k, cell in enumerate(self.cells.rows[0][: extra + 1]) if number(cell) is None]
-                for before in range(max(texts, default=-1) + 1, extra + 1):
-                    yield name, list(range(before, before + size * len(joints), size)), size
+            if chosen in (None, name) and 0 <= extra <= max(len(words), MAX_EXTRA_COLUMNS):
+                for before in range(extra + 1):
+                    places = range(before, before + size * len(joints), size)
+                    if not any(place <= word < place + 3 for place in places for word in words):
+                        yield name, [*places], size
 
     @property
     def _is_of_joints(self) -> bool:

@@ -45,6 +45,9 @@ MAX_PEOPLE = 16
 HUMANML3D_FEATURES, HUMANML3D_FPS = 263, 20.0
 """Number of features of a frame, and of frames per second, in HumanML3D."""
 
+WITH_ROTATIONS = (6, 7)
+"""Numbers of a joint that has angles or a quaternion after x y z."""
+
 NPY_MAGIC = b"\x93NUMPY"
 
 _SIZES = {len(joints) for joints in JOINT_SETS.values()}
@@ -262,13 +265,15 @@ def _joined(arrays: Arrays) -> Arrays:
 
 
 def _of_points(arrays: Arrays) -> Iterator[NDArray[np.generic]]:
-    """Yield arrays that may be positions: those of a file, and the origins of its matrices."""
+    """Yield arrays that may be positions: those of a file, without rotations after them, or origins of matrices."""
     for array in arrays.values():
         if array.dtype.kind not in "fiu" or array.size > MAX_BYTES // 8:
             continue
         if array.ndim > 3 and array.shape[-2:] == (4, 4):
             is_by_rows = not array.reshape(-1, 4, 4)[:1, 3, :3].any()
             yield array[..., :3, 3] if is_by_rows else array[..., 3, :3]
+        elif array.ndim > 2 and array.shape[-1] in WITH_ROTATIONS:
+            yield array[..., :3]
         else:
             yield array
 

@@ -48,7 +48,8 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
 def motion_of(nodes: list[Node], motion: NDArray[np.float64]) -> SkeletonMotion:
     """Return the motion of the nodes of a file.
 
-    A joint with positions only does not turn what hangs on it, so the end of its bone is nowhere, and left out.
+    A joint with positions only does not turn what hangs on it, so the end of its bone is nowhere, and left out. If all
+    offsets are zero, the first frame is the rest pose.
 
     Parameters
     ----------
@@ -69,9 +70,10 @@ def motion_of(nodes: list[Node], motion: NDArray[np.float64]) -> SkeletonMotion:
         rotations.append(_rotation(node, values))
     parents = [node.parent for node in nodes]
     rest = rest_positions(parents, [node.offset for node in nodes])
-    return SkeletonMotion(
-        [node.name for node in nodes], parents, rest, *forward_kinematics(parents, translations, rotations)
-    )
+    positions, turned = forward_kinematics(parents, translations, rotations)
+    if not np.ptp(rest, axis=0).any():
+        rest = np.stack([points[0] for points in positions])
+    return SkeletonMotion([node.name for node in nodes], parents, rest, positions, turned)
 
 
 def _rotation(node: Node, values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -72,14 +72,17 @@ def fits(positions: Floats, names: Sequence[str]) -> list[Fit]:
         points = select(Path(name), JOINT_SETS[name], sample).points
         points = points * image_positions.unit_of(points)[0]
         with warnings.catch_warnings(action="ignore"):  # joints that are always lost
-            misfit = _misfit(points)
+            misfit = _misfit(points, may_be_rough=name in MAX_MISFITS)
         if misfit < MAX_MISFITS.get(name, MAX_MISFIT):
             found.append(Fit(misfit, name, points))
     return sorted(found, key=lambda fit: fit.misfit)
 
 
-def _misfit(points: Floats) -> float:
-    """Return how far points (T, 20, 3) are from a person: 0 for a typical one of constant size, infinite for none."""
+def _misfit(points: Floats, *, may_be_rough: bool) -> float:
+    """Return how far points (T, 20, 3) are from a person: 0 for a typical one of constant size, infinite for none.
+
+    The sides of one whose depths may be rough can differ.
+    """
     deviations = np.abs(np.log(bone_ratios(points)))
     lengths = np.array([bone_length(points, *bone) for bone in PARENTS.items()])
     lengths = lengths / np.nanmean(lengths, axis=0)  # the person of an image changes in size
@@ -95,7 +98,7 @@ def _misfit(points: Floats) -> float:
         )
     ]
     away = np.nanmax([*off, 0.0]) / trunk
-    is_even = not uneven_sides(points)
+    is_even = may_be_rough or not uneven_sides(points)
     if not (np.nanmax(deviations) < np.log(MAX_BONE_RATIO) and is_even and away < MAX_CENTRE_SHARE):
         return np.inf
     return float(np.nanmean(deviations) + spread + np.nan_to_num(uneven) + away)

@@ -28,7 +28,7 @@ from capture.formats._files import opened
 from capture.formats._rows import Line
 from capture.formats._table import EXPORT, Table
 from capture.formats.clips import DEFAULT_FPS, MAX_JOINTS, frame_rate, with_stated_rate
-from capture.formats.joint_sets import as_of, fits, joint_set, numbered
+from capture.formats.joint_sets import as_of, clearest, fits, joint_set, numbered
 from capture.formats.layouts import JOINT_SETS
 from capture.formats.options import ReadOptions
 from capture.formats.positions import clip_of_positions, is_person, refuse_incomplete
@@ -262,11 +262,7 @@ def _clip(
                 row[index, : min(len(values), 4)] = values[:4]
     if len(same[0][2].rows[0]) == 1:
         rows = _as_points(rows[..., 0], options)
-    if not names:
-        names = JOINT_SETS[joint_set(path, rows[..., :3], options.joints, "JSON")]
-    elif all(map(str.isdecimal, names)):
-        names, order = numbered(path, list(map(int, names)), rows[..., :3], options.joints, "JSON")
-        rows = rows[:, order]
+    names, rows = _in_order(path, names, rows, options)
     confidence = confidence_of(rows[..., 3]) if np.isfinite(rows[..., 3]).any() else None
     times = None
     notes: tuple[str, ...] = ()
@@ -281,6 +277,23 @@ def _clip(
     return clip_of_positions(
         path, log_format, names, rows[..., :3], options, times=times, confidence=confidence, notes=notes
     )
+
+
+def _in_order(
+    path: Path, names: Sequence[str], rows: NDArray[np.float64], options: ReadOptions
+) -> tuple[Sequence[str], NDArray[np.float64]]:
+    """Return the names of joints by those in a document, or by their numbers or number, and rows (T, J, 4) of these."""
+    if not names:
+        return JOINT_SETS[joint_set(path, rows[..., :3], options.joints, "JSON")], rows
+    if all(map(str.isdecimal, names)):
+        found, order = numbered(path, list(map(int, names)), rows[..., :3], options.joints, "JSON")
+        return found, rows[:, order]
+    if is_person(names):
+        return names, rows
+    orders = fits(rows[..., :3], [name for name, joints in JOINT_SETS.items() if len(joints) == len(names)])
+    if not orders:
+        refuse_incomplete(path, names)
+    return JOINT_SETS[clearest(path, orders, "JSON").name], rows
 
 
 def _as_points(numbers: NDArray[np.float64], options: ReadOptions) -> NDArray[np.float64]:
@@ -353,7 +366,7 @@ def _pose(value: Any) -> _Pose | None:
     names = tuple(name for name, _ in joints)
     if MIN_NAMES <= len(set(names)) == len(names) <= MAX_JOINTS:
         is_known = all(map(str.isdecimal, names)) or is_person(names)
-        return _Pose(names, [point for _, point in joints]) if is_known else None
+        return _Pose(names, [point for _, point in joints]) if is_known or len(joints) in _SIZES else None
     if not isinstance(value, list) or len(value) < min(_SIZES):
         return None
     if all(_is_number(each) for each in value):

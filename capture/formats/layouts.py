@@ -26,7 +26,12 @@ JOINT_SETS: dict[str, tuple[str, ...]] = {
 }
 """Names of the joints of each set."""
 
-_ENDS = {"mediapipe": (42, 468, 478, 510, 520), "body_25": (42, 70, 112), "smpl_22": (23, 30, 33, 51, 105, 122)}
+_ENDS = {
+    "mediapipe": (21, 42, 468, 478, 510, 520),
+    "body_25": (42, 70, 112),
+    "body_25b": (110,),
+    "smpl_22": (23, 30, 33, 51, 105, 122),
+}
 """How many landmarks of hands, face or feet may follow the joints of a set."""
 
 HOLISTIC = {

@@ -171,7 +171,8 @@ def place(
     by_sensor : bool
         Whether a sensor may have measured the positions, which then stay where they are.
     in_image : bool
-        Whether x and y are those of an image, so that y is up or down.
+        Whether x and y are those of an image, so that y is up or down; x is, if the performer's left and right are
+        always above each other, as in a turned picture.
 
     Raises
     ------
@@ -179,8 +180,9 @@ def place(
         The body lies on its side in all frames.
     """
     unit = size.unit
-    up, up_note = _up(points, options, None if by_sensor else size.stature, in_image=in_image)
     across = _across(points)
+    weights = Y_PREFERENCE if not in_image else np.eye(3)[0 if _is_along(across, np.eye(3)[1]).all() else 1]
+    up, up_note = _up(points, options, None if by_sensor else size.stature, weights)
     notes: tuple[str, ...] = (size.note, up_note)
     ahead = np.cross(up, across - np.outer(across @ up, up))
     facing = {sign: by_sensor and _in_view(points, unit * _sensor_axes(up, sign), sign * ahead) for sign in (1.0, -1.0)}
@@ -192,8 +194,7 @@ def place(
     if facing[handed]:
         return Placement(_sensor_axes(up, handed), unit, np.zeros(3), np.zeros(3), notes)
     level = across - np.outer(across @ up, up)
-    lengths, whole = (np.linalg.norm(each, axis=1) for each in (level, across))
-    usable = (lengths >= MIN_LEVEL_SHARE * whole) & (whole > 0)  # the performer does not lie on the side
+    usable = ~_is_along(across, up)  # the performer does not lie on the side
     usable &= np.isfinite(points[:, JOINT_INDEX["hip_center"]]).all(axis=1)
     first = int(usable.argmax())
     if not usable.any():
@@ -203,7 +204,7 @@ def place(
             expected="a performer who stands or sits upright",
             fix="Set the axis that points up (y or z).",
         )
-    right = level[first] / lengths[first]
+    right = level[first] / np.linalg.norm(level[first])
     notes = (*notes, f"The performer faces the sensor in the first frame, {HIP_DISTANCE_METRES:g} m in front of it.")
     axes = np.stack([right, up, handed * np.cross(right, up)])
     origin = points[first, JOINT_INDEX["hip_center"]]
@@ -235,6 +236,13 @@ def _across(points: Floats) -> Floats:
     return np.where(np.isnan(pairs).all(axis=0), np.nan, np.nansum(pairs, axis=0))
 
 
+def _is_along(ways: Floats, axis: Floats) -> NDArray[np.bool_]:
+    """Return in which frames vectors (T, 3) are nearly along an axis, or unknown."""
+    level = np.linalg.norm(ways - np.outer(ways @ axis, axis), axis=1)
+    whole = np.linalg.norm(ways, axis=1)
+    return ~((level >= MIN_LEVEL_SHARE * whole) & (whole > 0))
+
+
 def toes_ahead(foot: Floats, shin: Floats) -> Floats:
     """Return the direction (T, 3) of a foot without its part along the shin, as a kneeling person's toes point back."""
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -259,8 +267,8 @@ def _front_agreement(points: Floats, front: Floats, across: Floats) -> float:
     return sum(medians)
 
 
-def _up(points: Floats, options: ReadOptions, stature: float | None, *, in_image: bool) -> tuple[Floats, str]:
-    """Return the unit vector that points up, and the note on it.
+def _up(points: Floats, options: ReadOptions, stature: float | None, weights: Floats) -> tuple[Floats, str]:
+    """Return the unit vector that points up, of the axes with these weights (3,), and the note on it.
 
     Without a stature, which is in units of the points, only the direction from feet to head counts, and no floor.
     """
@@ -272,7 +280,7 @@ def _up(points: Floats, options: ReadOptions, stature: float | None, *, in_image
         with warnings.catch_warnings(action="ignore"):  # joints that are always lost
             way = np.nanmedian(points[:, JOINT_INDEX[upper]] - lower, axis=0)
             body += np.nan_to_num(way / np.linalg.norm(way))
-    axis = int((np.abs(body) * ([0.0, 1.0, 0.0] if in_image else Y_PREFERENCE)).argmax())
+    axis = int((np.abs(body) * weights).argmax())
     sign = 1.0 if body[axis] > 0 else -1.0
     name = f"{'−' if sign < 0 else ''}{'xyz'[axis]}"
     if stature is not None and not _has_floor(sign * points[..., axis] / stature, 2.0):

@@ -36,6 +36,10 @@ MAX_CHANGE, MAX_SPREAD = 0.1, 0.5
 """Median relative change of a bone's length from frame to frame, up to 0.08 in trackers with few images a second, and
 its range over the recording beside the size of the body, up to 0.4."""
 
+MAX_SHAPE_CHANGE, MIN_SHAPES = 0.35, 20
+"""The first of these, beside the size of the body, from which positions are no body's, and number of frames that
+tell it; recordings have up to 0.06, and many pictures of people 0.11."""
+
 STRETCHED, STRETCHED_SHARE = 0.85, 0.5
 """A body is stretched out if its legs are this share of their length long, and have this cosine to the trunk; a note on
 its lean requires that it is in this share of the frames."""
@@ -50,8 +54,17 @@ def checked(path: Path, clips: Sequence[SkeletonClip]) -> list[SkeletonClip]:
     Raises
     ------
     SkeletonLogError
-        The bodies of all clips are contorted in nearly all frames.
+        The bodies of all clips are contorted in nearly all frames, or have other proportions in each.
     """
+    changes = [_changes(_points(clip)) for clip in clips]
+    least = min((shape for _, shape, _ in changes), default=0.0)
+    if least > MAX_SHAPE_CHANGE and all(clip.legs == 2 and len(clip.times) >= MIN_SHAPES for clip in clips):
+        raise SkeletonLogError(
+            path,
+            found=f"a body whose proportions change by {100 * least:.0f} % from frame to frame",
+            expected="a person's body",
+            fix="Check that the columns are positions of joints; --columns names them.",
+        )
     contorted = [_contorted(_points(clip)) if clip.legs == 2 else {} for clip in clips]
     shares = [float(np.mean(np.any(list(each.values()), axis=0))) if each else 0.0 for each in contorted]
     if clips and min(shares) > CONTORTED_SHARES[1]:
@@ -63,16 +76,18 @@ def checked(path: Path, clips: Sequence[SkeletonClip]) -> list[SkeletonClip]:
             "in motion capture, the order of the rotations.",
         )
     return [
-        replace(clip, notes=(*clip.notes, *_notes(_points(clip), each, share))) if clip.legs == 2 else clip
-        for clip, each, share in zip(clips, contorted, shares, strict=True)
+        replace(clip, notes=(*clip.notes, *_notes(_points(clip), each, share, change))) if clip.legs == 2 else clip
+        for clip, each, share, change in zip(clips, contorted, shares, changes, strict=True)
     ]
 
 
-def _notes(points: Floats, contorted: dict[str, NDArray[np.bool_]], share: float) -> list[str]:
+def _notes(
+    points: Floats, contorted: dict[str, NDArray[np.bool_]], share: float, changes: tuple[float, float, float]
+) -> list[str]:
     notes = []
     if share > CONTORTED_SHARES[0]:
         notes.append(f"The body is contorted: {_listed(contorted)}. The tracking failed, or joints have wrong names.")
-    change, spread = _changes(points)
+    change, _, spread = changes
     by = (change, "from frame to frame") if change > MAX_CHANGE else (spread, "over the recording")
     if change > MAX_CHANGE or spread > MAX_SPREAD:
         cause = "The tracking failed, or they are different people."
@@ -90,14 +105,18 @@ def _notes(points: Floats, contorted: dict[str, NDArray[np.bool_]], share: float
     return notes
 
 
-def _changes(points: Floats) -> tuple[float, float]:
-    """Return the median relative change of bones' lengths from frame to frame, and over the recording beside others."""
+def _changes(points: Floats) -> tuple[float, float, float]:
+    """Return the median relative change of bones' lengths from frame to frame, and beside others; and over all frames.
+
+    The last one is beside others, too.
+    """
     with warnings.catch_warnings(action="ignore"):  # joints that are lost
         lengths = np.log([bone_length(points, *bone) for bone in BONES])
         size = np.nanmedian(lengths - np.nanmedian(lengths, axis=1, keepdims=True), axis=0)
         high, low = np.nanpercentile(lengths - size, [90, 10], axis=1)
-        steps = np.abs(np.diff(lengths, axis=1))
-    return float(np.expm1(np.nan_to_num(_median(steps)))), float(np.expm1(np.nan_to_num(_median(high - low))))
+        steps = [np.abs(np.diff(each, axis=1)) for each in (lengths, lengths - size)]
+    change, shape, spread = (float(np.expm1(np.nan_to_num(_median(each)))) for each in (*steps, high - low))
+    return change, shape, spread
 
 
 def _points(clip: SkeletonClip) -> Floats:

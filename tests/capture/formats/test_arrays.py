@@ -73,7 +73,19 @@ def test_positions_may_have_names_axes_apart_matrices_and_a_rate(read, content, 
 
 @pytest.mark.parametrize(
     "name",
-    ["kinect_v1", "utd_mhad", "msr_action3d", "human36m", "kinect_v2", "mediapipe", "mediapipe_22", "zed_34", "zed_38"],
+    [
+        "kinect_v1",
+        "utd_mhad",
+        "msr_action3d",
+        "nuitrack",
+        "human36m",
+        "kinect_v2",
+        "body_25b",
+        "mediapipe",
+        "mediapipe_22",
+        "zed_34",
+        "zed_38",
+    ],
 )
 @pytest.mark.parametrize("axes", [(0, 1, 2), (1, 2, 0), (2, 0, 1)])
 def test_the_order_of_joints_and_axes_is_found(read, name, axes):
@@ -81,6 +93,13 @@ def test_the_order_of_joints_and_axes_is_found(read, name, axes):
     [clip] = read(arrays, npy(joints.transpose(axes)), fps=50.0)
     assert_reads(clip, joints=both("elbow", "wrist", "knee"))
     assert clip.times[1] == 0.02
+
+
+@pytest.mark.parametrize("count", [3, 4])
+def test_rotations_may_follow_positions(read, count):
+    turns = np.random.default_rng(0).uniform(-90, 90, (*PERSON.shape[:2], count))
+    [clip] = read(arrays, npz(frames=np.concatenate([PERSON, turns], axis=2)[None]))
+    assert_reads(clip)
 
 
 def test_people_and_confidences_in_an_archive(read):

@@ -373,20 +373,35 @@ def test_frames_whose_numbers_are_not_known_are_omitted(clip_of):
     assert "In 1 of 6 frames, numbers are not known. These are omitted." in clip.notes
 
 
-def test_ends_of_joints_with_positions_only_are_nowhere(clip_of, tmp_path):
-    """As in files that some converters of positions write: each joint hangs on the hips, with the same end."""
-    whole = clip_of(random_rows(5))
-    nodes, rows, *_ = bvh_parser.parse(tmp_path / "take")
-    moving = bvh.motion_of(nodes, rows)
+def star(moving):
+    """Return a file as some converters of positions write it: each joint hangs on the hips, with the same end."""
     lines = ["HIERARCHY", "ROOT Hips", "{", "OFFSET 0 0 0", f"CHANNELS 6 {' '.join((*POSITIONS, *ROTATIONS))}"]
-    columns = [moving.positions[0], np.zeros((5, 3))]
+    columns = [moving.positions[0], np.zeros_like(moving.positions[0])]
     for name, places in list(zip(moving.names, moving.positions, strict=True))[1:]:
         if name and "Toe" not in name:
             lines += [f"JOINT {name}", "{", "OFFSET 0 0 0", f"CHANNELS 3 {' '.join(POSITIONS)}"]
             lines += ["End Site", "{", "OFFSET 0 10 0", "}", "}"]
             columns.append(places - moving.positions[0])
-    clip = clip_of([*lines, "}", *motion(np.concatenate(columns, axis=1))])
+    return [*lines, "}", *motion(np.concatenate(columns, axis=1))]
+
+
+def test_ends_of_joints_with_positions_only_are_nowhere(clip_of, tmp_path):
+    whole = clip_of(random_rows(5))
+    nodes, rows, *_ = bvh_parser.parse(tmp_path / "take")
+    clip = clip_of(star(bvh.motion_of(nodes, rows)))
     assert np.isnan(at(clip, "foot_left")).all()
+    for joint in RIGID:
+        assert_allclose(*(way(each, joint, PARENTS[joint]) for each in (clip, whole)), atol=1e-6)
+
+
+def test_a_skeleton_without_offsets_has_its_first_frame_at_rest(clip_of, tmp_path):
+    rows = random_rows(9) / 5
+    for name in ("LeftUpLeg", "RightUpLeg", "LeftArm", "RightArm"):
+        rows[3:6, column(name, "x")] = -90  # after it has stood upright, it sits and reaches forward
+    whole = clip_of(rows, up="y")
+    nodes, rows, *_ = bvh_parser.parse(tmp_path / "take")
+    clip = clip_of(star(bvh.motion_of(nodes, rows)), up="y")
+    assert clip.legs == 2
     for joint in RIGID:
         assert_allclose(*(way(each, joint, PARENTS[joint]) for each in (clip, whole)), atol=1e-6)
 

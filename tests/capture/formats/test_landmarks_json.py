@@ -340,6 +340,19 @@ def test_meta_quests_body_is_read_with_names_or_numbers(read, form, count):
     assert (np.delete(clip.confidence, [*seen, JOINT_INDEX["spine"]], axis=1) < 1).all()
 
 
+def test_names_that_tell_nothing_do_not_matter_if_their_number_gives_a_person(read):
+    """As in programs whose enumerations have several names for a number, and print another one."""
+    poses = np.stack([*quest().values()], axis=1)
+    frames = [{"joints": elements(pose, names=[f"b {k}" for k in range(84)])} for pose in poses.tolist()]
+    [clip] = read(landmarks_json, json.dumps(frames))
+    assert_reads(clip, joints=[JOINT_INDEX[joint] for joint in META.values()])
+
+
+def test_lists_with_symbols_are_no_document():
+    assert not landmarks_json.matches(b"[\n[\\l_elbow, 0.1, 0.2, 0.3],\n")
+    assert not landmarks_json.matches(b"[[:l_elbow, 0.1, 0.2, 0.3],\n")
+
+
 def test_each_entry_of_a_list_may_be_a_person_with_a_number_and_a_time(read):
     joints = [[{"cameraX": x, "cameraY": y, "cameraZ": z, "depthX": 0.5} for x, y, z in pose] for pose in PERSON]
     bodies = [

@@ -130,6 +130,17 @@ def test_bones_that_become_longer_and_shorter_have_a_note():
     assert re.fullmatch("Bones change their length by [5-9][0-9] % over the recording. .*", clip.notes[1])
 
 
+def test_people_of_any_size_are_people_and_what_has_other_proportions_in_each_frame_is_none():
+    rng = np.random.default_rng(0)
+    people = person(20) * rng.uniform(0.5, 2, (20, 1, 1))
+    assert_array_equal(checked(PATH, [clip_of(people)])[0].positions, people)
+    others = person(20) * rng.uniform(0.4, 1.6, (20, 20, 1))
+    with pytest.raises(SkeletonLogError, match=r"a body whose proportions change by \d+ % from frame to frame"):
+        checked(PATH, [clip_of(others)])
+    with pytest.raises(SkeletonLogError, match="a contorted body"):  # few frames may be pictures of anything
+        checked(PATH, [clip_of(others[:19])])
+
+
 def test_sides_that_differ_have_a_note():
     poses = person(5)
     knee, ankle, foot = (JOINT_INDEX[f"{joint}_left"] for joint in ("knee", "ankle", "foot"))

@@ -244,6 +244,18 @@ def test_depths_in_pixels_are_those_of_a_picture(up):
     assert_allclose(found, expected)
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_picture_in_which_left_is_always_above_right_is_turned(sign):
+    hips = POINTS[:, [BLAZEPOSE.index("left_hip"), BLAZEPOSE.index("right_hip")]].mean(axis=(0, 1))
+    x, y, z = np.moveaxis((POINTS - hips) @ Rotation.from_euler("z", 3, degrees=True).as_matrix() / 4.5, 2, 0)
+    whole, turned = (
+        clip_of(np.stack([0.5 + across, 0.5 + down * 16 / 9, z], axis=2), BLAZEPOSE)
+        for across, down in ((-x, -y), (-y * sign, x * sign))
+    )
+    assert_allclose(turned.positions, whole.positions, atol=1e-9)
+    assert f"Up is assumed to be {'−' if sign > 0 else ''}x, the direction from feet to head." in turned.notes
+
+
 def test_a_head_without_ears_is_where_the_nose_is():
     head = PERSON[:, [JOINT_INDEX["head"]]]
     points = np.concatenate(

@@ -97,6 +97,7 @@ TIMED = {
         *wide("{x},{y},{z},7", lead="{time},"),
     ],
     "names repeated and numbered": ["time," + heads("{0},{0}.1,{0}.2"), *wide(lead="{time},")],
+    "names above three columns each": ["time," + heads("{0},,"), *wide(lead="{time},")],
     "names repeated": ["time," + heads("{0},{0},{0}"), *wide(lead="{time},")],
     "durations": ["timestamp," + heads(), *wide(lead="0 days 00:00:{time:09.6f}000,")],
     "rows with names, moments and decimal commas": [
@@ -133,6 +134,8 @@ TIMELESS = {
     "a column of parts": ["parts,x_coords,y_coords,z_coords", *long("{name},{x},{y},{z}", names=JOINTS)],
     "sentences": long(SENTENCE, above=["frame {} begins"]),
     "equations": long("{name} - X = {x} | Y = {y} | Z = {z}", names=TITLES, above=["frame {} begins"]),
+    "numbers of columns for names": [",".join(map(str, range(3 * len(JOINTS)))) + ",label", *wide(end=",squat")],
+    "lists with symbols": ["[", *long("[\\{name},{x},{y},{z}],", names=JOINTS), "]"],
     "states in words": long("{name} at [{x} {y} {z}] state Tracked", names=TITLES, above=["frame {} begins"]),
     "positions beside rotations": [
         heads("{0}.px,{0}.py,{0}.pz,{0}.rx,{0}.ry,{0}.rz,{0}.rw"),
@@ -177,6 +180,9 @@ LANDMARKS = {
         ),
         *(line + (k == 1) * (63 * ",0.5") for k, line in enumerate(wide(points=POINTS))),
     ],
+    "a hand after the pose, and words before it": wide(
+        points=POINTS, lead="0_{frame},8_12,wave,easy,", end=63 * ",0.5"
+    ),
     "names of pictures": wide(points=POINTS, lead="squat_{frame}.jpg,"),
     "a face after the pose": [heads("x{0},y{0},z{0}", range(1, 502)), *wide(points=POINTS, end=468 * ",0,0,0")],
     "a word and a number": ["Pose,Landmark,X,Y,Z", *long("up,Landmark_{name},{x},{y},{z}", POINTS)],

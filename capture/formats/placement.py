@@ -181,7 +181,10 @@ def place(
     """
     unit = size.unit
     across = _across(points)
-    weights = Y_PREFERENCE if not in_image else np.eye(3)[0 if _is_along(across, np.eye(3)[1]).all() else 1]
+    weights = Y_PREFERENCE
+    if in_image:
+        is_turned = bool(_is_along(across, np.eye(3)[1]).all())
+        weights = np.eye(3)[0 if is_turned else 1]
     up, up_note = _up(points, options, None if by_sensor else size.stature, weights)
     notes: tuple[str, ...] = (size.note, up_note)
     ahead = np.cross(up, across - np.outer(across @ up, up))

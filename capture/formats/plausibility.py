@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,9 +37,9 @@ MAX_CHANGE, MAX_SPREAD = 0.1, 0.5
 """Median relative change of a bone's length from frame to frame, up to 0.08 in trackers with few images a second, and
 its range over the recording beside the size of the body, up to 0.4."""
 
-MAX_SHAPE_CHANGE, MIN_SHAPES = 0.35, 20
-"""The first of these, beside the size of the body, from which positions are no body's, and number of frames that
-tell it; recordings have up to 0.06, and many pictures of people 0.11."""
+MAX_PROPORTIONS_CHANGE, MIN_FRAMES = 0.35, 20
+"""Median relative change of a bone's length beside the size of the body, from frame to frame, above which positions are
+no body's, and number of frames that tell it; recordings have up to 0.06, and many pictures of people 0.11."""
 
 STRETCHED, STRETCHED_SHARE = 0.85, 0.5
 """A body is stretched out if its legs are this share of their length long, and have this cosine to the trunk; a note on
@@ -46,6 +47,22 @@ its lean requires that it is in this share of the frames."""
 
 MAX_LEAN = 25.0
 """Median angle from upright at which nobody stands stretched out, in degrees; tilted sensors give up to 18."""
+
+
+class _Changes(NamedTuple):
+    """Median relative changes of bones.
+
+    Attributes
+    ----------
+    lengths, proportions : float
+        From frame to frame; proportions are lengths beside the size of the body.
+    spread : float
+        Range of the proportions over the recording.
+    """
+
+    lengths: float
+    proportions: float
+    spread: float
 
 
 def checked(path: Path, clips: Sequence[SkeletonClip]) -> list[SkeletonClip]:
@@ -57,8 +74,8 @@ def checked(path: Path, clips: Sequence[SkeletonClip]) -> list[SkeletonClip]:
         The bodies of all clips are contorted in nearly all frames, or have other proportions in each.
     """
     changes = [_changes(_points(clip)) for clip in clips]
-    least = min((shape for _, shape, _ in changes), default=0.0)
-    if least > MAX_SHAPE_CHANGE and all(clip.legs == 2 and len(clip.times) >= MIN_SHAPES for clip in clips):
+    least = min((change.proportions for change in changes), default=0.0)
+    if least > MAX_PROPORTIONS_CHANGE and all(clip.legs == 2 and len(clip.times) >= MIN_FRAMES for clip in clips):
         raise SkeletonLogError(
             path,
             found=f"a body whose proportions change by {100 * least:.0f} % from frame to frame",
@@ -81,15 +98,16 @@ def checked(path: Path, clips: Sequence[SkeletonClip]) -> list[SkeletonClip]:
     ]
 
 
-def _notes(
-    points: Floats, contorted: dict[str, NDArray[np.bool_]], share: float, changes: tuple[float, float, float]
-) -> list[str]:
+def _notes(points: Floats, contorted: dict[str, NDArray[np.bool_]], share: float, change: _Changes) -> list[str]:
     notes = []
     if share > CONTORTED_SHARES[0]:
         notes.append(f"The body is contorted: {_listed(contorted)}. The tracking failed, or joints have wrong names.")
-    change, _, spread = changes
-    by = (change, "from frame to frame") if change > MAX_CHANGE else (spread, "over the recording")
-    if change > MAX_CHANGE or spread > MAX_SPREAD:
+    by = (
+        (change.lengths, "from frame to frame")
+        if change.lengths > MAX_CHANGE
+        else (change.spread, "over the recording")
+    )
+    if change.lengths > MAX_CHANGE or change.spread > MAX_SPREAD:
         cause = "The tracking failed, or they are different people."
         notes.append(f"Bones change their length by {100 * by[0]:.0f} % {by[1]}. {cause}")
     if listed := other_proportions(points):
@@ -105,18 +123,13 @@ def _notes(
     return notes
 
 
-def _changes(points: Floats) -> tuple[float, float, float]:
-    """Return the median relative change of bones' lengths from frame to frame, and beside others; and over all frames.
-
-    The last one is beside others, too.
-    """
+def _changes(points: Floats) -> _Changes:
     with warnings.catch_warnings(action="ignore"):  # joints that are lost
         lengths = np.log([bone_length(points, *bone) for bone in BONES])
         size = np.nanmedian(lengths - np.nanmedian(lengths, axis=1, keepdims=True), axis=0)
         high, low = np.nanpercentile(lengths - size, [90, 10], axis=1)
         steps = [np.abs(np.diff(each, axis=1)) for each in (lengths, lengths - size)]
-    change, shape, spread = (float(np.expm1(np.nan_to_num(_median(each)))) for each in (*steps, high - low))
-    return change, shape, spread
+    return _Changes(*(float(np.expm1(np.nan_to_num(_median(each)))) for each in (*steps, high - low)))
 
 
 def _points(clip: SkeletonClip) -> Floats:

@@ -30,7 +30,6 @@ from puppetline.errors import PuppetlineError
 from solver.anatomy import body_decision
 from solver.anatomy.body_decision import (
     ORIENTATION_MEASURES,
-    PAIR_LABELS,
     PAIR_MEASURES,
     SINGLE_LABELS,
     SINGLE_MEASURES,
@@ -39,13 +38,14 @@ from solver.anatomy.body_decision import (
     load_weights,
     views,
 )
+from solver.anatomy.pair_shape import PAIR_LABELS
 
 FOLDS = 5
 PRIOR = Path(__file__).with_name("body_prior.toml")
 PRIOR_DEVIATIONS, FIXED_DEVIATION = {"label": 1.0, "orientation": 2.0}, 0.1
 """Standard deviations of weights around those of the prior, and that of `CONVENTIONS`."""
 
-CONVENTIONS = ("name", "up", "front", "sides")
+CONVENTIONS = ("name", "up", "front", "sides", "stance")
 """Measures of conventions. The characters follow nearly all of them, so they cannot tell what exceptions weigh."""
 
 AXES = {sign + axis: (-1 if sign else 1) * np.eye(3)[row] for sign in ("", "-") for row, axis in enumerate("xyz")}

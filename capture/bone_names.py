@@ -334,7 +334,7 @@ def _meaning(
                 part, quarter = said, which
             elif word in _PLACES:
                 part = said
-    part = part or ("wing" if _FINS & set(words) else None)
+    part = part or ("wing" if any(word in _FINS or "wing" in word for word in words) else None)
     return JointMeaning(side, quarter, part) if part else None
 
 

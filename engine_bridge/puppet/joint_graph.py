@@ -29,6 +29,9 @@ PARTS: dict[str, tuple[str, ...]] = {
 
 LABEL_OF = {part: label for label, parts in PARTS.items() for part in parts}
 
+LIMBS = np.isin(LABELS, ("arm", "leg", "wing"))
+"""Which of the labels are limbs that a shoulder can carry."""
+
 MAX_CONTACT_VERTICES = 400
 """Number of a joint's vertices with which its distance to others is measured."""
 
@@ -41,6 +44,10 @@ SAME_SHARE = 0.002
 END_RATIO = 0.5
 """Maximum distance of a foot from the last joint of its leg, as a share of that from joints that have others below
 them."""
+
+APART_RATIO = 0.5
+"""Maximum distance of a branch from a joint that it touches, as a share of that from the joint on which it hangs, if it
+does not touch that."""
 
 INNER_SHARE = 0.2
 """Share of the contacts of a branch, above which it is a whole limb if they are with joints that have others below."""
@@ -107,15 +114,6 @@ def joint_graph(joints: Sequence[Joint]) -> JointGraph | None:
         tips[row], radii[row] = _extent(joint, places[children[row]], above[row] < 0)
     counts = np.array([len(joint.vertices) for joint in chosen], dtype=float)
     own = [meanings[index] for index in order]
-    votes = np.zeros((len(order), len(LABELS)))
-    for row, meaning in enumerate(own):
-        label = (
-            "leg"
-            if meaning and meaning.side and meaning.part == "hips" and children[row]
-            else LABEL_OF.get(meaning.part if meaning else "")
-        )
-        if label:
-            votes[row, LABELS.index(label)] = 1.0
     every = np.concatenate([places, *(joint.vertices for joint in chosen if len(joint.vertices))])
     graph = BodyGraph(
         places,
@@ -123,13 +121,29 @@ def joint_graph(joints: Sequence[Joint]) -> JointGraph | None:
         tips,
         radii,
         counts / max(counts.sum(), 1.0),
-        votes,
+        _votes(own, children),
         np.array([sides[index] for index in order]),
         np.array([_quarter(meaning) for meaning in own]),
         np.array([bool(meaning and meaning.part in FACE_PARTS) for meaning in own]),
         np.array([every.min(axis=0), every.max(axis=0)]),
     )
     return JointGraph(graph, chosen, own)
+
+
+def _votes(meanings: Sequence[JointMeaning | None], children: Sequence[Sequence[int]]) -> NDArray[np.float64]:
+    """Return the labels (n, 7) for which the names of nodes speak; a shoulder is of the limb that it carries."""
+    votes = np.zeros((len(meanings), len(LABELS)))
+    for row, meaning in reversed([*enumerate(meanings)]):
+        if meaning is None or (meaning.side and meaning.part == "spine"):  # "back_claw_L" is of a limb
+            continue
+        carried = votes[children[row]].sum(axis=0) * LIMBS
+        if meaning.part == "shoulder" and carried.any():
+            votes[row, carried.argmax()] = 1.0
+            continue
+        label = "leg" if meaning.side and meaning.part == "hips" and children[row] else LABEL_OF.get(meaning.part)
+        if label:
+            votes[row, LABELS.index(label)] = 1.0
+    return votes
 
 
 def _with_empty_ornaments(joints: Sequence[Joint], meanings: Sequence[JointMeaning | None]) -> list[Joint]:
@@ -177,70 +191,95 @@ def _hang(
     if not firsts:
         return
     shared = Counter(other for first in firsts for other in _above(parents, first))
-    groups: dict[int, list[int]] = {}
+    tops = {}
     for first in firsts:
         top = first
         while parents[top] >= 0 and shared[parents[top]] == 1:
             top = parents[top]
-        groups[top] = [index for index in parents if top == index or top in _above(parents, index)]
-    tops = dict(zip(groups, firsts, strict=True))
-    group_of = {index: top for top, group in groups.items() for index in group}
+        tops[top] = first
+    tops |= {index: index for index in parents if parents[index] in firsts and _is_apart(joints, parents, index)}
+    group_of = {
+        index: next(over for over in over_it if over in tops)
+        for index in parents
+        if not tops.keys().isdisjoint(over_it := [index, *_above(parents, index)])
+    }
+    groups = {top: [index for index in group_of if group_of[index] == top] for top in tops}
     held = {index: _thinned(joints[index].vertices) for index in group_of if len(joints[index].vertices)}
     size = float(np.ptp(np.concatenate(list(held.values())), axis=0).max())
     main = max(
         groups,
         key=lambda top: (
-            any(labels[index] == "trunk" for index in groups[top]),
+            any(labels[index] == "trunk" and not sides[index] for index in groups[top]),
             labels[tops[top]] not in ("arm", "leg"),
             _held(joints, groups[top]),
         ),
     )
+    nearest: dict[int, list[tuple[float, int]]] = {}
+    joined = dict(group_of)
     for top in sorted(groups, key=lambda top: _held(joints, groups[top])):
-        parent, own = parents[top], group_of[top]
-        near = parent >= 0 and np.linalg.norm(joints[top].place - joints[parent].place) < NEAR_SHARE * size
-        side, label = sides[tops[top]], labels[tops[top]]
+        parent = parents[top]
+        first = next(index for index in (tops[top], *groups[top]) if index in held)
+        side, label, meaning = sides[first], labels[first], meanings[first]
+        contacts = sum((Counter(joints[index].contacts) for index in groups[top]), Counter[int]())
         allowed = {
             index
             for index in parents
-            if group_of.get(index) != own
+            if joined.get(index) != top
             and side * sides[index] >= 0
             and labels[index] in (None, "trunk", label or labels[index])
-            and not (index in firsts and label not in (None, "trunk") and meanings[index] == meanings[tops[top]])
-            and not _is_beyond(meanings[index], meanings[tops[top]])
+            and (contacts[index] or label in (None, "trunk") or meanings[index] != meaning or index not in firsts)
+            and not _is_beyond(meanings[index], meaning)
         }
         same = [each for each in allowed if np.allclose(joints[each].place, joints[top].place, 0, SAME_SHARE * size)]
-        if parent < 0 and top != main and same:
-            parents[top] = same[0]
+        near = parent >= 0 and np.linalg.norm(joints[top].place - joints[parent].place) < NEAR_SHARE * size
         allowed &= held.keys()
-        if top == main or near or parents[top] != parent or not allowed:
+        if top == main or near or not (allowed or (parent < 0 and same)):
             continue
-        ends = [
-            index for index in allowed.difference(parents.values()) if _is_end(meanings[tops[top]], meanings[index])
-        ]
-        contacts = sum((Counter(joints[index].contacts) for index in groups[top]), Counter[int]())
-        touched, whole = _touched(tops[top], ends or list(allowed), inner, contacts, held)
-        if parent >= 0 and whole:
-            continue  # a foot is beyond the last joint of its leg, far from all others
-        parents[top], joined = touched, group_of[touched]
-        group_of = {index: joined if group == own else group for index, group in group_of.items()}
+        ends = [index for index in allowed.difference(parents.values()) if _is_end(meaning, meanings[index])]
+        away, whole = _distances(first, ends or list(allowed), inner, contacts, held)
+        if parent < 0 or not whole:  # a foot is beyond the last joint of its leg, far from all others
+            away |= dict.fromkeys(same if parent < 0 else (), -np.inf)
+            nearest[top] = sorted((distance, index) for index, distance in away.items())
+            own = joined.get(nearest[top][0][1], -1)  # which does not hang on this branch
+            joined = {index: own if group == top else group for index, group in joined.items()}
+    while nearest:  # Prim's algorithm: what hangs on the body, the nearest first
+        reached = {
+            top: next((each for each in row if nearest.keys().isdisjoint([each[1], *_above(parents, each[1])])), None)
+            for top, row in nearest.items()
+        }
+        found = [(place, top) for top, place in reached.items() if place]
+        (_, parent), top = min(found, default=((0.0, -1), max(nearest, key=lambda top: _held(joints, groups[top]))))
+        parents[top] = parent if found else parents[top]
+        del nearest[top]
     main = [main, *_above(parents, main)][-1]
     for root in [index for index in parents if parents[index] < 0 and index != main]:
         parents[root] = main
 
 
-def _touched(
+def _is_apart(joints: Sequence[Joint], parents: dict[int, int], top: int) -> bool:
+    """Return whether a branch does not touch the joint on which it hangs, but one that is much nearer."""
+    own = [index for index in parents if top in (index, *_above(parents, index))]
+    contacts = sum((Counter(joints[index].contacts) for index in own), Counter[int]())
+    others = (contacts.keys() & parents.keys()).difference(own)
+    away = {index: np.linalg.norm(joints[top].place - joints[index].place) for index in others | {parents[top]}}
+    return parents[top] not in others and min(away.values()) < APART_RATIO * away[parents[top]]
+
+
+def _distances(
     first: int, others: list[int], inner: set[int], contacts: Counter[int], held: dict[int, NDArray[np.float64]]
-) -> tuple[int, bool]:
-    """Return which of other joints a branch touches, and whether it is a whole limb: it touches those with children."""
-    touching = {index: contacts[index] for index in others if contacts[index]}
-    if touching:
-        whole = sum(touching[index] for index in inner & touching.keys()) > INNER_SHARE * sum(touching.values())
-        return max(touching, key=lambda index: touching[index]), whole
+) -> tuple[dict[int, float], bool]:
+    """Return how far a branch is from other joints, and whether it is a whole limb: it touches those with children.
+
+    The distance of joints that it touches is less than 0: the more sides of triangles lead there, the less.
+    """
+    touching = {index: -float(contacts[index]) for index in others if contacts[index]}
     tree = cKDTree(held[first])
     away = {index: float(np.min(tree.query(held[index])[0])) for index in others}
-    touched = min(away, key=lambda index: away[index])
+    if touching:
+        whole = sum(touching[index] for index in inner & touching.keys()) < INNER_SHARE * sum(touching.values())
+        return away | touching, whole
     nearest = min((away[index] for index in inner & away.keys()), default=np.inf)
-    return touched, away[touched] > END_RATIO * nearest
+    return away, min(away.values(), default=0.0) > END_RATIO * nearest
 
 
 def _quarter(meaning: JointMeaning | None) -> float:

@@ -103,7 +103,7 @@ def _opened(jaw: LimbTable, character: CharacterTable) -> LimbTable:
 
 def _points(plan: PlanSettings, name: str, points: Mapping[str, NDArray[np.float64]], up: NDArray[np.float64]) -> bool:
     """Return whether a limb points as the performer's does."""
-    if not plan.points or name in ("tail", "neck", "left wing", "right wing"):
+    if not plan.points or {"tail", "neck", "wing"} & set(name.split()):
         return False
     if is_leg(name):
         legs = np.mean([points[f"{side} leg"][0] - points[f"{side} leg"][2] for side in ("left", "right")], axis=0)
@@ -128,8 +128,8 @@ def _limb(
         "points": [_rounded(point, size) for point in chain.points],
         "joints": joints,
         "follow": "direction" if _points(plan, chain.name, points, up) else "turn",
-        "gain": plan.gains.get(limb or side, 1.0),
-        "delay": DELAYS.get(limb or side, 0.0),
+        "gain": plan.gains.get(_without_number(limb or side), 1.0),
+        "delay": DELAYS.get(_without_number(limb or side), 0.0),
         "stands": plan.stands and is_leg(chain.name),
         "parent": "head" if chain.name in ON_HEAD else "neck" if chain.name == "head" and "neck" in points else None,
     }
@@ -148,8 +148,14 @@ def _joints(name: str) -> tuple[str | tuple[str, ...], ...]:
 
 def _limb_joints(limb: str) -> tuple[str, ...]:
     """Return the joints that drive a limb of either side; odd rows of legs follow arms, even ones legs."""
-    kind, _, row = limb.rpartition(" ")
-    return PERFORMER_JOINTS.get(limb) or ((LEG, ARM)[int(row) % 2] if row.isdigit() else PERFORMER_JOINTS[kind])
+    kind = _without_number(limb)
+    row = limb.removeprefix(kind)
+    return (LEG, ARM)[int(row) % 2] if row and kind == "leg" else PERFORMER_JOINTS[kind]
+
+
+def _without_number(limb: str) -> str:
+    """Return a limb's name without the number of its pair: "arm" for "arm 2"."""
+    return limb.rstrip(" 0123456789")
 
 
 def _rounded(point: NDArray[np.float64], size: float) -> tuple[float, ...]:
@@ -177,7 +183,7 @@ def end_handles(limbs: Limbs, mesh: SolverMesh, character: CharacterTable) -> li
     ends = {chain.name: chain.points[-1] for chain in limbs.chains if chain.name not in ("trunk", "neck", *ON_HEAD)}
     chosen: dict[str, tuple[str | tuple[str, ...] | None, NDArray[np.float64]]] = {
         limb.replace("arm", "hand").replace("leg", "foot"): (
-            _joints(limb)[1 if limb.endswith("wing") else -1],
+            _joints(limb)[1 if "wing" in limb else -1],
             np.linalg.norm(mesh.vertices - end, axis=1),
         )
         for limb, end in ends.items()
@@ -228,7 +234,7 @@ def with_plan(puppet: Puppet, plan: BodyPlan) -> Puppet:
 
 
 def _is_known(name: str) -> bool:
-    return name in MIDDLE_JOINTS or name.partition(" ")[2] in PERFORMER_JOINTS or is_leg(name)
+    return name in MIDDLE_JOINTS or _without_number(name.partition(" ")[2]) in PERFORMER_JOINTS or is_leg(name)
 
 
 def plan_in(puppet: Puppet) -> BodyPlan | None:

@@ -140,8 +140,9 @@ class LimbReader:
 
     def told(self, label: str, way: Sequence[int]) -> list[int]:
         """Return the part of a way from the first joint on whose name says a label; all of it if none does."""
-        told = np.flatnonzero(self.graph.votes[list(way), LABELS.index(label)])
-        return list(way[int(told[0]) :]) if len(told) else list(way)
+        column = LABELS.index(label)
+        told = [row for row, node in enumerate(way) if self.graph.votes[node, column] and self.part(node) != "shoulder"]
+        return list(way[told[0] :]) if told else list(way)
 
     def part(self, node: int) -> str | None:
         """Return the part of a body that a node's name says."""
@@ -150,22 +151,26 @@ class LimbReader:
 
     def arms_and_legs(self) -> tuple[dict[str, JointChain], bool]:
         """Return arms and legs by their names, and whether the arms are legs or there are rows of legs."""
-        legs = [pair for label, pair in self.body.pairs if label == "leg"]
-        arms = [pair for label, pair in self.body.pairs if label == "arm"]
-        legs.sort(key=lambda pair: self._ahead(pair))
-        if len(legs) >= MANY_PAIRS:
-            rows = dict(zip(leg_names(len(legs)), legs, strict=True))
-            return self.sides(rows, self.row_leg) | self.sides(dict(zip(["arm"], arms, strict=False)), self.arm), True
+        legs = sorted((pair for label, pair in self.body.pairs if label == "leg"), key=self._ahead)
+        arms = self.sides(self.rows_of("arm"), self.arm)
         rows = dict(zip(leg_names(len(legs)), legs, strict=True))
+        if len(legs) >= MANY_PAIRS:
+            return self.sides(rows, self.row_leg) | arms, True
         if len(legs) == 2:
             found = self.sides(rows, self.leg)
             if arms or self._stands_on(found, "front leg", "hind leg"):
-                return found | self.sides(dict(zip(["arm"], arms, strict=False)), self.arm), True
+                return found | arms, True
             return self.sides({"leg": legs[0]}, self.upright_leg) | self.sides({"arm": legs[1]}, self.arm), False
-        found = self.sides(rows, self.upright_leg) | self.sides(dict(zip(["arm"], arms, strict=False)), self.arm)
+        found = self.sides(rows, self.upright_leg) | arms
         if legs and arms and self._stands_on(found, "arm", "leg"):
-            return self.sides({"hind leg": legs[0], "front leg": arms[0]}, self.leg), True
+            walking = self.sides({"hind leg": legs[0], "front leg": self.rows_of("arm")["arm"]}, self.leg)
+            return walking | {name: arm for name, arm in arms.items() if not name.endswith("arm")}, True
         return found, False
+
+    def rows_of(self, label: str) -> dict[str, Pair]:
+        """Return the pairs of a label by their names: "arm", "arm 2"."""
+        pairs = [pair for own, pair in self.body.pairs if own == label]
+        return {label + (f" {row}" if row > 1 else ""): pair for row, pair in enumerate(pairs, 1)}
 
     def _ahead(self, pair: Pair) -> float:
         ends = [self.graph.tips[self.graph.ways[node][-1]] for node in (pair.one, pair.other)]
@@ -433,12 +438,7 @@ class LimbReader:
     def curved_pair(self, label: str) -> dict[str, JointChain]:
         """Return wings or ears by their names."""
         count = {"wing": 3, "ear": 2}[label]
-        return {
-            f"{side} {label}": self.curved(self.told(label, self.ways[node]), count)
-            for own, pair in self.body.pairs
-            if own == label
-            for side, node in (("left", pair.one), ("right", pair.other))
-        }
+        return self.sides(self.rows_of(label), lambda node: self.curved(self.told(label, self.ways[node]), count))
 
     def curved(self, way: Sequence[int], bones: int) -> JointChain:
         """Return a limb along joints with a number of bones."""

@@ -322,7 +322,9 @@ def with_plan_of(limbs: Limbs, plan: BodyPlan | None, up: NDArray[np.float64]) -
     for chains in (limbs.chains, *(other for _, other in limbs.others)):
         if plan_of(Limbs(chains).points, up) == plan:
             return Limbs(chains, limbs.notes)
-    return replace(limbs, others=())
+    own = body_summary(plan_of(limbs.points, up), limbs.points)
+    note = f"No limbs of the plan '{plan}' were found. These follow the performer by that plan: {own}."
+    return replace(limbs, others=(), notes=(*limbs.notes, note) if limbs.chains else limbs.notes)
 
 
 def _other_plan(limbs: Limbs, up: NDArray[np.float64]) -> Iterator[str]:

@@ -134,7 +134,7 @@ export const TABLE = {
     "root": "root center センター",
     "hips": "hip hips pelvis midhip lowerbody hanche bassin huefte becken cadera anca bacino quadril 下半身",
     "spine": "spine abdomen ab waist torso back lowerback spinelower upperbody colonne wirbelsaeule ruecken columna colonna coluna 上半身",
-    "chest": "chest ribcage poitrine brust pecho petto peito",
+    "chest": "chest breast ribcage poitrine brust pecho petto peito",
     "upperChest": "upperchest upperback spineupper",
     "trunk": "body",
     "neck": "neck nec lowerneck upperneck cou hals cuello collo pescoco 首",

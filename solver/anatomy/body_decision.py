@@ -3,9 +3,9 @@
 For each direction from side to side, branches that mirror each other are pairs. For each up and front, each pair may be
 arms, legs, wings, ears or nothing, and each branch in the middle may be the head, the tail or nothing. A label has a
 score: the sum of what is measured (`PAIR_MEASURES`, `SINGLE_MEASURES`), each times its weight. The labels with the
-highest sum are chosen: one pair of arms, of wings and of ears, one head and one tail, any number of legs. To that sum
-comes what speaks for an orientation (`ORIENTATION_MEASURES`). `body_weights.toml` has the weights; they are logits, so
-that the sums are log odds.
+highest sum are chosen: one pair of arms, of wings and of ears, one head and one tail, any number of legs; then all
+other pairs that are called arms or wings. To that sum comes what speaks for an orientation (`ORIENTATION_MEASURES`).
+`body_weights.toml` has the weights; they are logits, so that the sums are log odds.
 """
 
 import tomllib
@@ -20,8 +20,9 @@ import scipy
 from numpy.typing import NDArray
 
 from solver.anatomy.body_graph import LABELS, LIMB_SHARE, BodyGraph, Pair, find_pairs
+from solver.anatomy.pair_shape import PAIR_LABELS, PairShape, said
 
-PAIR_LABELS, SINGLE_LABELS = ("leg", "arm", "wing", "ear"), ("head", "tail")
+SINGLE_LABELS = ("head", "tail")
 
 PAIR_MEASURES = (
     "bias",
@@ -66,20 +67,20 @@ ORIENTATION_MEASURES = (
     "tail",
     "likeness",
     "muzzle",
+    "stance",
 )
 
 GROUND_SHARE = 0.06
 """Height, as a share of the body's, at which the measure `ground` of an end has fallen to 1/e."""
-
-FOOT_BEGIN = 0.85
-"""Length of a leg without the foot, or of an arm without the hand, as a share of the whole; joints beyond it are of
-the foot or the hand."""
 
 FACE_SHARE = 0.1
 """Distance from the head's middle at which eyes and a jaw show the front fully, as a share of the body's size."""
 
 FORK_SHARE = 0.75
 """Minimum distance of a fork of the trunk from the farthest end below it, as a share of that of the first node."""
+
+MANY_ROWS, ROW_RATIO = 4, 0.5
+"""Number of pairs without names that are all legs, and how long each is at least, as a share of the longest."""
 
 MAX_HEADS = 3
 """Number of branches in the middle that are tried as the head."""
@@ -116,8 +117,8 @@ class Body:
         Limbs on both sides and their labels; `Pair.one` is the left one.
     singles : dict of str to list of int
         Nodes of the head and the tail from the trunk to the end.
-    measures : (12,) float64
-        `ORIENTATION_MEASURES`.
+    measures : (13,) float64
+        `ORIENTATION_MEASURES`; `stance` is how steeply down legs with such names lead: 0 from 60° off.
     score : float
     """
 
@@ -162,71 +163,11 @@ def views(graph: BodyGraph) -> Iterator["View"]:
     """Yield the 24 views of a body along the axes."""
     for axis in range(3):
         found, middle = find_pairs(graph, axis)
-        pairs, branches = [_PairShape.of(graph, pair) for pair in found], _branches(graph, found, middle)
+        pairs, branches = [PairShape.of(graph, pair) for pair in found], _branches(graph, found, middle)
         for upward, forward in permutations([other for other in range(3) if other != axis]):
             for sign_up in (1.0, -1.0):
                 for sign_front in (1.0, -1.0):
                     yield View(graph, sign_up * np.eye(3)[upward], sign_front * np.eye(3)[forward], pairs, branches)
-
-
-@dataclass(frozen=True, eq=False)
-class _PairShape:
-    """What the measures of a pair need, in the coordinates of the graph.
-
-    Attributes
-    ----------
-    pair : Pair
-    roots, ends, runs, feet, bends : (2, 3) float64
-        First and last points; from first to last, the end beyond the last inner joint, and how far the middle is
-        beside the line from the first to the last inner joint, in lengths.
-    rest : tuple of float
-        Length, thickness, number of fingers, mass and unlikeness.
-    names : (4,) float64
-        How far names speak for `PAIR_LABELS`.
-    side : float
-        1 if names say that the first branch is left, −1 if right; 0 if they do not say what it is either.
-    """
-
-    pair: Pair
-    roots: NDArray[np.float64]
-    ends: NDArray[np.float64]
-    runs: NDArray[np.float64]
-    feet: NDArray[np.float64]
-    bends: NDArray[np.float64]
-    rest: tuple[float, ...]
-    names: NDArray[np.float64]
-    side: float
-
-    @classmethod
-    def of(cls, graph: BodyGraph, pair: Pair) -> "_PairShape":
-        sides = (pair.one, pair.other)
-        ways, below = [graph.ways[node] for node in sides], [graph.subtrees[node] for node in sides]
-        lengths = np.maximum(graph.reach[list(sides)], 1e-3 * graph.size)[:, None]
-        lines = [np.vstack([graph.places[way], graph.tips[way[-1:]]]) for way in ways]
-        roots, ends = np.array([line[0] for line in lines]), np.array([line[-1] for line in lines])
-        inner = [_without_end(line) for line in lines]
-        leaves = np.mean([sum(not graph.children[node] for node in nodes) for nodes in below])
-        radius = np.mean([np.median(graph.radii[way]) for way in ways])
-        rest = (
-            float(lengths.mean()) / graph.size,
-            float(radius / lengths.mean()),
-            min(float(leaves) - 1, 4.0) / 4,
-            float(sum(graph.masses[nodes].sum() for nodes in below)),
-            max(pair.unlikeness, 0.0),
-        )
-        return cls(
-            pair,
-            roots,
-            ends,
-            (ends - roots) / lengths,
-            (ends - [line[-1] for line in inner]) / lengths,
-            np.array([_bend(line) for line in inner]) / lengths,
-            rest,
-            np.array([_said(graph, ways[0] + ways[1], label) for label in PAIR_LABELS]),
-            float(
-                np.sign(graph.sides[pair.one] - graph.sides[pair.other]) * graph.votes[list(sides)].any(axis=1).all()
-            ),
-        )
 
 
 class View:
@@ -247,7 +188,7 @@ class View:
         graph: BodyGraph,
         up: NDArray[np.float64],
         front: NDArray[np.float64],
-        pairs: list[_PairShape],
+        pairs: list[PairShape],
         branches: list[list[int]],
     ) -> None:
         self.graph, self.up, self.front, self.branches = graph, up, front, branches
@@ -283,7 +224,7 @@ class View:
                 float(graph.faces[below].any()),
                 float(carries),
             ]
-            rows.append([[1.0, _said(graph, way, label, beyond=not carries), *rest] for label in SINGLE_LABELS])
+            rows.append([[1.0, said(graph, way, label, beyond=not carries), *rest] for label in SINGLE_LABELS])
         return np.array(rows, dtype=float).reshape(-1, len(SINGLE_LABELS), len(SINGLE_MEASURES))
 
     def pair_measures(self, head: int) -> NDArray[np.float64]:
@@ -295,8 +236,8 @@ class View:
             tips = [float((min(shape.ends @ self.up) - self.low[1]) / self.height) for shape in self.shapes]
             rows = [
                 [
-                    [1.0, said, np.exp(-(tip - min(tips)) / GROUND_SHARE), tip, *self._runs(shape), *shape.rest]
-                    for said in shape.names
+                    [1.0, named, np.exp(-(tip - min(tips)) / GROUND_SHARE), tip, *self._runs(shape), *shape.rest]
+                    for named in shape.names
                 ]
                 for shape, tip in zip(self.shapes, tips, strict=True)
             ]
@@ -304,7 +245,7 @@ class View:
             self._pair_measures[head] = np.insert(found, 9, near[:, None], axis=2)
         return self._pair_measures[head]
 
-    def _runs(self, shape: _PairShape) -> tuple[float, float, float, float]:
+    def _runs(self, shape: PairShape) -> tuple[float, float, float, float]:
         """Return how high a pair begins, and how far it leads down, to its sides and forwards."""
         runs = shape.runs @ self.axes.T
         outwards = (runs[0, 0] - runs[1, 0]) / 2
@@ -323,6 +264,10 @@ class View:
             scores[np.ix_(self.beyond(head), np.arange(len(PAIR_LABELS)) != PAIR_LABELS.index("ear"))] = -np.inf
             scores[self.beyond(tail), PAIR_LABELS.index("leg")] = -np.inf  # what hangs on a tail are fins
             scores[[shape.names[2:].max() > 0 for shape in self.shapes], :2] = -np.inf  # called wings or ears
+            if len(rows := self._rows()) >= MANY_ROWS:
+                most = scores[rows].max(axis=1)
+                scores[[not shape.names.any() for shape in self.shapes]] = -np.inf
+                scores[rows, 0] = most
             labels, total = _assigned(scores)
             total += (singles[head, 0] if head >= 0 else 0.0) + (singles[tail, 1] if tail >= 0 else 0.0)
             best = max(best, (float(total), head, tail, labels), key=lambda each: each[0])
@@ -330,7 +275,21 @@ class View:
         found = {label: self.branches[row] for label, row in (("head", head), ("tail", tail)) if row >= 0}
         measures = self.orientation_measures(total, found, labels)
         pairs = tuple((label, pair) for label, pair in zip(labels, self.pairs, strict=True) if label)
+        pairs += tuple(self._others(labels, self.beyond(head) + self.beyond(tail)))
         return Body(self.up, self.front, pairs, found, measures, float(weights["orientation"] @ measures))
+
+    def _rows(self) -> list[int]:
+        """Return the pairs that may be rows of legs: long ones without names that are about as long as each other."""
+        lengths = np.array([shape.rest[0] * (not shape.names.any()) for shape in self.shapes])
+        return np.flatnonzero((lengths > LIMB_SHARE) & (lengths > ROW_RATIO * lengths.max(initial=0.0))).tolist()
+
+    def _others(self, labels: Sequence[str | None], excluded: Sequence[int]) -> Iterator[tuple[str, Pair]]:
+        """Yield the pairs without a label that are called arms or wings, if there is another pair of that label."""
+        for number, (label, shape) in enumerate(zip(labels, self.shapes, strict=True)):
+            called = PAIR_LABELS[int(shape.names.argmax())]
+            is_limb = shape.names.max() > 0 and shape.rest[0] > LIMB_SHARE and number not in excluded
+            if label is None and is_limb and called in ("arm", "wing") and called in labels:
+                yield called, self.pairs[number]
 
     def beyond(self, row: int) -> list[int]:
         """Return the pairs that hang on a branch in the middle; −1 for none."""
@@ -356,10 +315,11 @@ class View:
     def orientation_measures(
         self, total: float, singles: Mapping[str, list[int]], labels: Sequence[str | None]
     ) -> NDArray[np.float64]:
-        """Return `ORIENTATION_MEASURES` (12,) of a labelled body."""
+        """Return `ORIENTATION_MEASURES` (13,) of a labelled body."""
         graph, box, middle = self.graph, self.high - self.low, (self.low + self.high) / 2
         chosen = [(label, shape) for label, shape in zip(labels, self.shapes, strict=True) if label]
         legs = [shape for label, shape in chosen if label == "leg"]
+        stance = [max(-2.0 * float(shape.step @ self.up) - 1.0, 0.0) for shape in legs if shape.names[0] > 0]
         toes = np.concatenate([np.zeros((0, 3)), *(shape.feet for shape in legs)]) @ self.front
         knees = np.concatenate([np.zeros((0, 3)), *(shape.bends for shape in legs)]) @ self.front
         arms = [shape.bends for label, shape in chosen if label == "arm"]
@@ -388,10 +348,11 @@ class View:
                 -ends.get("tail", 0.0),
                 float(sum(1 - shape.pair.unlikeness for _, shape in chosen)),
                 ends.get("head", 0.0) if lies else 0.0,
+                _mean(stance, 1.0),
             ]
         )
 
-    def _named_ahead(self, pairs: Sequence[_PairShape]) -> float:
+    def _named_ahead(self, pairs: Sequence[PairShape]) -> float:
         """Return how far pairs that are called front are ahead of those that are called hind, from −1 to 1."""
         named = np.array([self.graph.quarters[[shape.pair.one, shape.pair.other]].mean() for shape in pairs])
         at = np.array([(shape.roots + shape.ends).mean(axis=0) @ self.front for shape in pairs])
@@ -402,30 +363,6 @@ class View:
 def _mean(values: Sequence[float] | NDArray[np.float64], limit: float) -> float:
     """Return the mean of values within a limit; 0 for none."""
     return float(np.clip(np.mean(values), -limit, limit)) if len(values) else 0.0
-
-
-def _said(graph: BodyGraph, nodes: Sequence[int], label: str, beyond: bool = False) -> float:
-    """Return how far names of nodes speak for a label (1) or another one (−1).
-
-    Beyond the trunk, its names say nothing: a spine leads on into the neck and the tail.
-    """
-    votes = graph.votes[list(nodes)].sum(axis=0)
-    if beyond:
-        votes = votes * (np.array(LABELS) != "trunk")
-    return float((2 * votes[LABELS.index(label)] - votes.sum()) / max(float(votes.sum()), 1.0))
-
-
-def _without_end(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a limb's points without the foot or the hand."""
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    return points[: max(int(np.count_nonzero(along <= FOOT_BEGIN * along[-1])), min(len(points), 2))]
-
-
-def _bend(inner: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return where the middle of a limb is beside the line from its root to its last joint."""
-    line, beside = inner[-1] - inner[0], inner - inner[0]
-    beside = beside - np.outer(beside @ line / max(float(line @ line), 1e-12), line)
-    return np.asarray(beside[np.linalg.norm(beside, axis=1).argmax()])
 
 
 def _branches(graph: BodyGraph, pairs: Sequence[Pair], middle: Sequence[int]) -> list[list[int]]:

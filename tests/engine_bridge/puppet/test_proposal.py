@@ -218,6 +218,10 @@ def test_other_limbs_are_said_with_the_plan_that_takes_them(blob_file, tmp_path,
         chosen = new_puppet(blob_file, tmp_path / "a.toml", up="y", front="z", plan=plan)
         assert [limb.name for limb in chosen.puppet.limb] == [chain.name for chain in chains]
         assert (chosen.plan, chosen.notes) == (plan, ())
+    assert new_puppet(blob_file, tmp_path / "a.toml", up="y", front="z", plan="many legs").notes == (
+        "No limbs of the plan 'many legs' were found. "
+        "These follow the performer by that plan: a person: one head, two arms, two legs.",
+    )
 
 
 def test_any_limbs_that_cannot_stay_are_left_out_together(blob_file, tmp_path, monkeypatch):

@@ -11,7 +11,7 @@ from engine_bridge.puppet.rig_limbs import limbs_of_joints, rig_limbs
 from engine_bridge.puppet.skin_joints import Joint, joints_of
 
 from ..bones import points
-from .skeletons import FRONT, NO_VERTICES, SIDES, assert_stands, joints_at
+from .skeletons import FRONT, NO_VERTICES, SIDES, UP, assert_stands, joints_at
 
 LIMBS = [f"{side} {limb}" for limb in ("arm", "leg") for side, _ in SIDES]
 
@@ -42,6 +42,9 @@ HOLDING = PERSON.replace("~", "")
 
 PLACES = {joint.name.removeprefix("left:"): joint.place for joint in joints_at(PERSON) if "right" not in joint.name}
 """Places of the joints in the middle and on the left."""
+
+Z_UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+"""Matrix that turns rows of coordinates so that up is z and front is -y."""
 
 SPELLINGS = """
 VRM: hips, spine, chest, neck, head, headEnd, {side}Shoulder, {side}UpperArm, {side}UpperArmTwist,
@@ -265,6 +268,77 @@ def test_legs_of_two_joints_may_reach_up_and_a_pole_is_no_foot():
         hip, knee, tip = points("0.2 1 0, 0.6 1.1 0, 1.1 1.3 0") * [sign, 1, 1] - [0, 0, row]
         expected = [hip, knee, 0.2 * knee + 0.8 * tip, tip]
         assert_allclose(found.limbs.points[f"{side} leg {row + 1}"], expected, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("pair", "limb"),
+    [("upper_arm2.{S} hand2.{S}", "arm"), ("shoulder2.{S} wings_lower.{S}", "wing"), ("breast.{S} nipple.{S}", None)],
+)
+def test_other_pairs_that_are_called_arms_or_wings_are_limbs_and_breasts_are_none(pair, limb):
+    """A shoulder is of the limb that it carries."""
+    first, second = pair.split()
+    own = "wing.{S} spine 0.2 1.4 -0.2  0.9 1.6 -0.3" if limb == "wing" else ""
+    table = f"""{HOLDING}
+        {own}
+        {first}   spine    0.2 1.2 0
+        {second}  {first}  0.5 1.2 0  0.8 1.2 0"""
+    expected = set(limbs_of_joints(joints_at(f"{HOLDING}\n{own}")).limbs.points)
+    found = limbs_of_joints(joints_at(table)).limbs.points
+    assert found.keys() - expected == ({f"{side} {limb} 2" for side, _ in SIDES} if limb else set())
+    assert expected <= found.keys()
+    if limb:
+        assert_allclose(found[f"left {limb} 2"][-1], [0.8, 1.2, 0], atol=1e-9)
+
+
+def test_four_pairs_of_limbs_without_names_are_legs():
+    """As those of a spider that lies flat."""
+    table = "body - 0 0 0\nhead body 0 0 0.2  0 0.1 0.4\nsting.{S} body 0.03 0 0.2  0.03 0 0.25"
+    for row, z in enumerate((0.4, 0.15, -0.15, -0.4)):
+        table += f"""
+        {row}a.{{S}}  body         0.05 0 {z / 10}
+        {row}b.{{S}}  {row}a.{{S}}  0.2  0 {z / 2}
+        {row}c.{{S}}  {row}b.{{S}}  0.4  0 {z}      0.5 0 {z}"""
+    legs = {f"{side} leg {row}" for row in range(1, 5) for side, _ in SIDES}
+    assert {
+        name for name in limbs_of_joints(joints_at(table)).limbs.points if name.startswith(("left", "right"))
+    } == legs
+
+
+def test_legs_with_names_point_down_in_a_file_whose_up_is_z():
+    """Joints that are all in one plane do not tell what is in front."""
+    table = """
+    body - 0 1.8 0
+    chest body 0 2.6 0
+    head chest 0 3.8 0  0 4.5 0
+    hip.{s} body 0 1.8 0
+    shin.{s} hip.{s} 0.28 0.91 0
+    foot.{s} shin.{s} 0.27 0.14 0  0.27 0 0
+    upper_arm.{s} chest 0.6 3.3 0
+    forearm.{s} upper_arm.{s} 1.3 3.3 0
+    hand.{s} forearm.{s} 2 3.3 0  2.3 3.3 0
+    """
+    turned = [replace(joint, place=joint.place @ Z_UP, vertices=joint.vertices @ Z_UP) for joint in joints_at(table)]
+    assert_stands(limbs_of_joints(turned), UP @ Z_UP, FRONT @ Z_UP)
+
+
+def test_branches_that_all_hang_on_a_root_which_they_do_not_touch_hang_on_those_that_they_touch():
+    """As the bones of a tail, or a control that holds the hand of an arm."""
+    table = (
+        "spine - 0 1 0\nhead spine 0 1 0.4  0 1.2 0.9\nleg.{S} spine 0.2 0.9 0\nfoot.{S} leg.{S} 0.2 0.1 0  0.2 0 0.1"
+    )
+    for number in range(1, 6):
+        table += f"\ntail{number} {f'tail{number - 1}' if number > 1 else 'spine'} 0 1 {-0.3 * number}"
+    own = joints_at(table)
+    last = len(own) - 1
+    tail = [
+        replace(
+            joint,
+            parent=0,
+            contacts={each: 8 for each in (last - 5 + k, last - 3 + k) if each <= last} if k else {0: 8},
+        )
+        for k, joint in enumerate(own[-5:])
+    ]
+    assert_equal(limbs_of_joints(own[:-5] + tail).limbs.points, limbs_of_joints(own).limbs.points)
 
 
 TWO = """

@@ -18,7 +18,7 @@ from scipy.spatial import Delaunay, QhullError, cKDTree
 from capture.bone_names import JointMeaning, joint_meanings
 from engine_bridge.character.character import CharacterMesh
 from engine_bridge.character.scene import tree, world_transforms
-from engine_bridge.puppet.joint_graph import LABEL_OF
+from engine_bridge.puppet.joint_labels import LABEL_OF
 from engine_bridge.puppet.limb_nodes import node_labels
 from engine_bridge.puppet.skin_joints import Joint, part_nodes, parts_above
 from solver.anatomy.orientation import spread

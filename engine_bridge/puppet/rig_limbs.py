@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from capture.bone_names import joint_meanings
 from engine_bridge.character.character import CharacterMesh
-from engine_bridge.puppet.joint_graph import LABEL_OF, joint_graph
+from engine_bridge.puppet.joint_graph import joint_graph
+from engine_bridge.puppet.joint_labels import LABEL_OF
 from engine_bridge.puppet.limb_reader import LimbReader
 from engine_bridge.puppet.part_joints import part_joints, without_ornaments
 from engine_bridge.puppet.skin_joints import Joint, are_nested, joints_of

@@ -77,7 +77,7 @@ def make_token(path: Path) -> None:
     with written_whole(path) as beside:
         descriptor = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         with os.fdopen(descriptor, "w") as file:
-            file.write(secrets.token_urlsafe(32) + "\n")
+            file.write(secrets.token_hex(32) + "\n")  # no option takes a value that begins with a dash
 
 
 def make_curve_keys(path: Path) -> None:

@@ -1,4 +1,5 @@
 import os
+import re
 import stat
 
 import pytest
@@ -129,8 +130,9 @@ def test_files_that_are_none_are_refused_without_waiting(tmp_path):
 def test_a_new_token_is_long_new_and_for_its_owner_only(tmp_path, token_file):
     make_token(tmp_path / "other")
     one, other = token_file.read_text().strip(), (tmp_path / "other").read_text().strip()
-    assert len(one) == len(other) == 43
     assert one != other
+    for token in (one, other):
+        assert re.fullmatch("[0-9a-f]{64}", token)  # without a dash, with which an option of a program begins
     assert stat.S_IMODE(token_file.stat().st_mode) == 0o600
     refused(OutputError, make_token, token_file)
     assert read_token(token_file) == one

@@ -56,6 +56,7 @@ _CORNERS = {f"{pair[0]}{side}": (pair, side) for pair in ("front", "back", "hind
 
 _WORD = re.compile("[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[0-9]+|[^ -~]+")
 _WORDS = {word: part for part, words in TABLE["words"].items() for word in words.split()}
+_WING = re.compile(r"wings?.*|(upper|lower|front|fore|mid|middle|hind|rear|back)wings?")
 _FINS, _ORNAMENTS = (frozenset(TABLE["anywhere"][kind].split()) for kind in ("wing", "ornament"))
 _POINTS = {word: point for point, words in TABLE["points"].items() for word in words.split()}
 _INNER_ENDS = {word for word, point in _POINTS.items() if point in ("wrist", "ankle")}
@@ -334,7 +335,7 @@ def _meaning(
                 part, quarter = said, which
             elif word in _PLACES:
                 part = said
-    part = part or ("wing" if any(word in _FINS or "wing" in word for word in words) else None)
+    part = part or ("wing" if any(word in _FINS or _WING.fullmatch(word) for word in words) else None)
     return JointMeaning(side, quarter, part) if part else None
 
 

@@ -53,6 +53,9 @@ SENTENCES_SHARE = 0.8
 MIN_THREES = 6
 """Number of names with two empty cells after them from which each name is that of three columns."""
 
+MIN_COUNTED = 7
+"""Minimum number of numbers in a row that counts its columns."""
+
 MAX_POINT_NUMBERS = 7
 """Largest number of numbers of a point in a cell; more are those of all points."""
 
@@ -214,7 +217,7 @@ def _width(rows: list[list[str]], first: int) -> int:
 
 
 def _rows(lines: Sequence[Line]) -> tuple[str | None, Sequence[Line], list[list[str]]]:
-    """Return the separator of lines, these and their cells; groups of numbers without names are cells each.
+    """Return the separator of lines, the lines and the cells of each; groups of numbers without names are cells each.
 
     A first row that counts the columns, which pandas writes for names, is left out.
     """
@@ -289,8 +292,7 @@ def _of_sentences(lines: Sequence[Line]) -> tuple[Sequence[Line], list[list[str]
     """Return lines and cells, with a header, of text with words before numbers, such as ``Head: position (1, 2, 3)``.
 
     Most lines have the same number of words and numbers in the same order; others are left out. Words that are equal in
-    all lines name the numbers after them. A word that differs is a cell; lists with symbols have no
-    others.
+    all lines name the numbers after them; without any, columns have no names. A word that differs is a cell.
     """
     tokens = [(line, _TOKENS.findall(line[1])) for line in lines]
     kinds = Counter(tuple(number(token) is None for token in own) for _, own in tokens)
@@ -417,9 +419,11 @@ def _row(text: str, separator: str | None) -> list[str]:
 
 
 def _counts(row: Sequence[str]) -> bool:
-    """Return whether the numbers of a row count its cells."""
-    numbers = [int(cell) for cell in row if cell.isdecimal() and len(cell) < DIGITS]
-    return len(numbers) > MIN_THREES and numbers == [*range(numbers[0], numbers[0] + len(numbers))]
+    """Return whether all numbers of a row are whole ones, each one more than the one before."""
+    numbers = [cell for cell in row if cell.lower() not in UNKNOWN and number(cell) is not None]
+    if len(numbers) < MIN_COUNTED or not all(cell.isdecimal() and len(cell) < DIGITS for cell in numbers):
+        return False
+    return [*map(int, numbers)] == [*range(int(numbers[0]), int(numbers[0]) + len(numbers))]
 
 
 def _has_numbers(row: Sequence[str]) -> bool:

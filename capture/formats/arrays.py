@@ -272,7 +272,7 @@ def _of_points(arrays: Arrays) -> Iterator[NDArray[np.generic]]:
         if array.ndim > 3 and array.shape[-2:] == (4, 4):
             is_by_rows = not array.reshape(-1, 4, 4)[:1, 3, :3].any()
             yield array[..., :3, 3] if is_by_rows else array[..., 3, :3]
-        elif array.ndim > 2 and array.shape[-1] in WITH_ROTATIONS:
+        elif array.ndim > 2 and array.shape[-1] in WITH_ROTATIONS and 3 not in array.shape[:-1]:
             yield array[..., :3]
         else:
             yield array

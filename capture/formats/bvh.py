@@ -72,7 +72,7 @@ def motion_of(nodes: list[Node], motion: NDArray[np.float64]) -> SkeletonMotion:
     rest = rest_positions(parents, [node.offset for node in nodes])
     positions, turned = forward_kinematics(parents, translations, rotations)
     if not np.ptp(rest, axis=0).any():
-        rest = np.stack([points[0] for points in positions])
+        rest = rest_positions(parents, [each[0] for each in translations])
     return SkeletonMotion([node.name for node in nodes], parents, rest, positions, turned)
 
 

@@ -238,8 +238,10 @@ def clips_of(path: Path, log_format: str, document: Any, options: ReadOptions) -
         The poses are no person's.
     """
     people: dict[int, list[tuple[int, dict[str, Any], _Pose]]] = {}
-    for index, frame in enumerate(_frames(document)):
-        for order, (owner, pose) in enumerate(_poses(frame)):
+    frames = _frames(document, named=True)
+    named = bool(frames)
+    for index, frame in enumerate(frames or _frames(document, named)):
+        for order, (owner, pose) in enumerate(_poses(frame, named)):
             keys = _PERSON_IDS if owner is frame else _IDS  # a frame's own id may be its number
             user = next((int(owner[key]) for key in keys if str(owner.get(key, "")).isdecimal()), order)
             people.setdefault(user, []).append((index, frame if isinstance(frame, dict) else {}, pose))
@@ -282,7 +284,10 @@ def _clip(
 def _in_order(
     path: Path, names: Sequence[str], rows: NDArray[np.float64], options: ReadOptions
 ) -> tuple[Sequence[str], NDArray[np.float64]]:
-    """Return the names of joints by those in a document, or by their numbers or number, and rows (T, J, 4) of these."""
+    """Return the names of joints and rows (T, J, 4) of these.
+
+    Names are those of the document, those for its numbers of joints, or those of a known order with as many joints.
+    """
     if not names:
         return JOINT_SETS[joint_set(path, rows[..., :3], options.joints, "JSON")], rows
     if all(map(str.isdecimal, names)):
@@ -312,23 +317,23 @@ def _point_sizes(count: int) -> list[int]:
     return [size for size in (3, 4) if count % size == 0 and count // size in _SIZES]
 
 
-def _frames(document: Any) -> list[Any]:
-    """Return the frames of a document."""
-    if _pose(document) is not None:
+def _frames(document: Any, named: bool) -> list[Any]:
+    """Return the frames of a document; `named` as in `_pose`."""
+    if _pose(document, named) is not None:
         return [document]
-    if isinstance(document, list) and any(_poses(frame) for frame in document[:: len(document) // 50 + 1]):
-        inner = [frames for each in document if isinstance(each, dict) and len(frames := _frames(each)) > 1]
+    if isinstance(document, list) and any(_poses(frame, named) for frame in document[:: len(document) // 50 + 1]):
+        inner = [frames for each in document if isinstance(each, dict) and len(frames := _frames(each, named)) > 1]
         longest: list[Any] = max(inner, key=len, default=[])
         return longest if len(longest) > (MAX_PEOPLE if len(document) > 1 else 1) else document
     if isinstance(document, dict):
         is_numbered = all(key.replace(".", "", 1).isdecimal() for key in document)
         are_frames = len(document) > MAX_POSES and not any(map(_NO_POSE.search, document))
-        if document and (is_numbered or (are_frames and all(map(_poses, document.values())))):
+        if document and (is_numbered or (are_frames and all(_poses(value, named) for value in document.values()))):
             return list(document.values())
         for value in document.values():
-            if isinstance(value, (list, dict)) and _pose(value) is None and (frames := _frames(value)):
+            if isinstance(value, (list, dict)) and _pose(value, named) is None and (frames := _frames(value, named)):
                 return frames
-    return [document] if _poses(document) else []
+    return [document] if _poses(document, named) else []
 
 
 def _name(value: dict[str, Any]) -> str:
@@ -337,36 +342,38 @@ def _name(value: dict[str, Any]) -> str:
     return next((str(each) for kind in (str, int) for each in own if isinstance(each, kind)), "")
 
 
-def _poses(value: Any, depth: int = MAX_DEPTH) -> list[tuple[dict[str, Any], _Pose]]:
-    """Return the poses of the people in a frame, each with the object that has it."""
-    if (pose := _pose(value)) is not None:
+def _poses(value: Any, named: bool, depth: int = MAX_DEPTH) -> list[tuple[dict[str, Any], _Pose]]:
+    """Return the poses of the people in a frame, each with the object that has it; `named` as in `_pose`."""
+    if (pose := _pose(value, named)) is not None:
         return [(value if isinstance(value, dict) else {}, pose)]
     if depth == 0:
         return []
     if isinstance(value, list):
-        return [found for each in value[:MAX_PEOPLE] for found in _poses(each, depth - 1)]
+        return [found for each in value[:MAX_PEOPLE] for found in _poses(each, named, depth - 1)]
     if isinstance(value, dict):
         for key in sorted(value, key=lambda key: (not _IN_SPACE.search(key), key)):
-            if not _NO_POSE.search(key) and (found := _poses(value[key], depth - 1)):
+            if not _NO_POSE.search(key) and (found := _poses(value[key], named, depth - 1)):
                 is_known = _IN_SPACE.search(key) is not None
                 return [(own or value, pose._replace(in_space=pose.in_space or is_known)) for own, pose in found]
     return []
 
 
-def _pose(value: Any) -> _Pose | None:
-    """Return the pose that a value is; None if it is none."""
+def _pose(value: Any, named: bool) -> _Pose | None:
+    """Return the pose that a value is; None if it is none, or if `named` and names tell nothing of a person."""
     if isinstance(value, dict):
         own = {name: point for name, each in value.items() if (point := _point(each)) is not None}
         if len(own) >= MIN_NAMES and (all(map(str.isdecimal, own)) or is_person(list(own))):
             return _Pose(tuple(own), list(own.values()))
         axes = [value.get(axis, value.get(axis.upper())) for axis in "xyz"]
         if all(isinstance(axis, list) for axis in axes):  # of all joints
-            return _pose([list(point) for point in zip(*axes, strict=False)])
+            return _pose([list(point) for point in zip(*axes, strict=False)], named)
     joints = list(islice(_joints(value), MAX_JOINTS + 1))
     names = tuple(name for name, _ in joints)
     if MIN_NAMES <= len(set(names)) == len(names) <= MAX_JOINTS:
         is_known = all(map(str.isdecimal, names)) or is_person(names)
-        return _Pose(names, [point for _, point in joints]) if is_known or len(joints) in _SIZES else None
+        return (
+            _Pose(names, [point for _, point in joints]) if is_known or (not named and len(joints) in _SIZES) else None
+        )
     if not isinstance(value, list) or len(value) < min(_SIZES):
         return None
     if all(_is_number(each) for each in value):

@@ -183,7 +183,8 @@ def place(
     across = _across(points)
     weights = Y_PREFERENCE
     if in_image:
-        is_turned = bool(_is_along(across, np.eye(3)[1]).all())
+        known = np.isfinite(across).all(axis=1)
+        is_turned = known.any() and bool(_is_along(across[known], np.eye(3)[1]).all())
         weights = np.eye(3)[0 if is_turned else 1]
     up, up_note = _up(points, options, None if by_sensor else size.stature, weights)
     notes: tuple[str, ...] = (size.note, up_note)

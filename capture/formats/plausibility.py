@@ -80,7 +80,7 @@ def checked(path: Path, clips: Sequence[SkeletonClip]) -> list[SkeletonClip]:
             path,
             found=f"a body whose proportions change by {100 * least:.0f} % from frame to frame",
             expected="a person's body",
-            fix="Check that the columns are positions of joints; --columns names them.",
+            fix="Check that the file has positions of joints; in a table, --columns names them.",
         )
     contorted = [_contorted(_points(clip)) if clip.legs == 2 else {} for clip in clips]
     shares = [float(np.mean(np.any(list(each.values()), axis=0))) if each else 0.0 for each in contorted]

@@ -1,6 +1,7 @@
 """Proposal of joints that drive a character's limbs by its body plan, or handles at their ends, and of another plan."""
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -147,15 +148,15 @@ def _joints(name: str) -> tuple[str | tuple[str, ...], ...]:
 
 
 def _limb_joints(limb: str) -> tuple[str, ...]:
-    """Return the joints that drive a limb of either side; odd rows of legs follow arms, even ones legs."""
+    """Return the joints that drive a limb of either side; odd rows of legs follow arms, other legs legs."""
     kind = _without_number(limb)
     row = limb.removeprefix(kind)
-    return (LEG, ARM)[int(row) % 2] if row and kind == "leg" else PERFORMER_JOINTS[kind]
+    return (LEG, ARM)[int(row) % 2] if row and kind == "leg" else PERFORMER_JOINTS.get(kind, LEG)
 
 
 def _without_number(limb: str) -> str:
     """Return a limb's name without the number of its pair: "arm" for "arm 2"."""
-    return limb.rstrip(" 0123456789")
+    return re.sub(r" \d+$", "", limb)
 
 
 def _rounded(point: NDArray[np.float64], size: float) -> tuple[float, ...]:

@@ -53,7 +53,7 @@ export class Client extends EventTarget {
   #requests = new Map();
   #count = 0;
   #retry = MIN_RETRY_MS;
-  /** Seconds since the last message, in which the page ran: while it stands still, messages wait. */
+  /** Seconds since the last message in which the page ran: while it stands still, as if hidden for long, messages wait. */
   #silent = 0;
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   #timer;

@@ -79,8 +79,8 @@ FACE_SHARE = 0.1
 FORK_SHARE = 0.75
 """Minimum distance of a fork of the trunk from the farthest end below it, as a share of that of the first node."""
 
-MANY_ROWS, ROW_RATIO = 4, 0.5
-"""Number of pairs without names that are all legs, and how long each is at least, as a share of the longest."""
+MIN_NAMELESS_ROWS, ROW_RATIO = 4, 0.5
+"""Minimum number of pairs without names that are all legs, and minimum length of each as a share of the longest."""
 
 MAX_HEADS = 3
 """Number of branches in the middle that are tried as the head."""
@@ -118,7 +118,8 @@ class Body:
     singles : dict of str to list of int
         Nodes of the head and the tail from the trunk to the end.
     measures : (13,) float64
-        `ORIENTATION_MEASURES`; `stance` is how steeply down legs with such names lead: 0 from 60° off.
+        `ORIENTATION_MEASURES`; `stance` is how steeply down legs lead whose names say so: 1 straight down, 0
+        from 60° off.
     score : float
     """
 
@@ -261,12 +262,14 @@ class View:
             tail = max(tails, key=lambda row: singles[row, 1], default=-1)
             measures = self.pair_measures(head)
             scores = np.array([measures[:, k] @ weights[label] for k, label in enumerate(PAIR_LABELS)]).T
-            scores[np.ix_(self.beyond(head), np.arange(len(PAIR_LABELS)) != PAIR_LABELS.index("ear"))] = -np.inf
-            scores[self.beyond(tail), PAIR_LABELS.index("leg")] = -np.inf  # what hangs on a tail are fins
+            beyond_head, beyond_tail = self.beyond(head), self.beyond(tail)
+            scores[np.ix_(beyond_head, np.arange(len(PAIR_LABELS)) != PAIR_LABELS.index("ear"))] = -np.inf
+            scores[beyond_tail, PAIR_LABELS.index("leg")] = -np.inf  # what hangs on a tail are fins
             scores[[shape.names[2:].max() > 0 for shape in self.shapes], :2] = -np.inf  # called wings or ears
-            if len(rows := self._rows()) >= MANY_ROWS:
+            if len(rows := self._rows({*beyond_head, *beyond_tail})) >= MIN_NAMELESS_ROWS:
                 most = scores[rows].max(axis=1)
-                scores[[not shape.names.any() for shape in self.shapes]] = -np.inf
+                others = {number for number, shape in enumerate(self.shapes) if not shape.names.any()}
+                scores[sorted(others.difference(beyond_head, beyond_tail))] = -np.inf
                 scores[rows, 0] = most
             labels, total = _assigned(scores)
             total += (singles[head, 0] if head >= 0 else 0.0) + (singles[tail, 1] if tail >= 0 else 0.0)
@@ -278,9 +281,13 @@ class View:
         pairs += tuple(self._others(labels, self.beyond(head) + self.beyond(tail)))
         return Body(self.up, self.front, pairs, found, measures, float(weights["orientation"] @ measures))
 
-    def _rows(self) -> list[int]:
-        """Return the pairs that may be rows of legs: long ones without names that are about as long as each other."""
-        lengths = np.array([shape.rest[0] * (not shape.names.any()) for shape in self.shapes])
+    def _rows(self, beyond: set[int]) -> list[int]:
+        """Return the pairs that may be rows of legs: long ones without names that are about as long as each other.
+
+        Those beyond the head or the tail are none.
+        """
+        nameless = [not shape.names.any() and number not in beyond for number, shape in enumerate(self.shapes)]
+        lengths = np.array([shape.rest[0] for shape in self.shapes]) * nameless
         return np.flatnonzero((lengths > LIMB_SHARE) & (lengths > ROW_RATIO * lengths.max(initial=0.0))).tolist()
 
     def _others(self, labels: Sequence[str | None], excluded: Sequence[int]) -> Iterator[tuple[str, Pair]]:

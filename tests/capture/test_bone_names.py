@@ -80,6 +80,11 @@ def test_fins_and_ornaments_may_have_other_words_in_their_names():
     names = ["fin_peck.L", "B_Hair_12_031", "shellFront.R", "head.hair", "neck"]
     meanings = joint_meanings(names)
     assert meanings == [JointMeaning("left", None, "wing"), None, None, None, JointMeaning(None, None, "neck")]
+    assert joint_meanings(["wingsupper.L", "LowerWing_R", "Arm_swing_L"]) == [
+        JointMeaning("left", None, "wing"),
+        JointMeaning("right", None, "wing"),
+        None,
+    ]
     assert ornaments(names) == [False, True, True, True, False]
     assert ornaments([f"B_Hair_{number}" for number in range(9)]) == [True] * 9  # a word of all says it as well
 

@@ -95,6 +95,13 @@ def test_the_order_of_joints_and_axes_is_found(read, name, axes):
     assert clip.times[1] == 0.02
 
 
+@pytest.mark.parametrize("count", [6, 7])
+def test_as_many_frames_as_numbers_of_positions_and_rotations_are_frames(read, count):
+    frames = np.resize(PERSON, (count, *PERSON.shape[1:]))
+    [clip] = read(arrays, npy(frames.transpose(1, 2, 0)))
+    assert_reads(clip, frames)
+
+
 @pytest.mark.parametrize("count", [3, 4])
 def test_rotations_may_follow_positions(read, count):
     turns = np.random.default_rng(0).uniform(-90, 90, (*PERSON.shape[:2], count))

@@ -348,6 +348,13 @@ def test_names_that_tell_nothing_do_not_matter_if_their_number_gives_a_person(re
     assert_reads(clip, joints=[JOINT_INDEX[joint] for joint in META.values()])
 
 
+def test_a_pose_with_known_names_comes_before_as_many_points_of_a_hand(read):
+    poses = [dict(zip(JOINTS, pose, strict=True)) for pose in PERSON.tolist()]
+    hand = elements(np.zeros((21, 3)).tolist(), names=[f"thumb_{k}" for k in range(21)])
+    [clip] = read(landmarks_json, json.dumps([{"hand": hand, "body": pose} for pose in poses]))
+    assert_reads(clip)
+
+
 def test_lists_with_symbols_are_no_document():
     assert not landmarks_json.matches(b"[\n[\\l_elbow, 0.1, 0.2, 0.3],\n")
     assert not landmarks_json.matches(b"[[:l_elbow, 0.1, 0.2, 0.3],\n")

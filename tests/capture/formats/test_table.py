@@ -158,6 +158,7 @@ TIMED_LANDMARKS = {
 }
 LANDMARKS = {
     "a number before each": wide("{name} {x} {y} {z}", POINTS[:, SOME], SOME),
+    "a number before each of all": wide("{name},{x},{y},{z}", POINTS),
     "a number before each in brackets": wide("[{name};{x};{y};{z}]", POINTS[:, SOME], SOME),
     "names that are numbers": [heads("{0}", range(33)), *wide('"[{x}, {y}, {z}]"', POINTS)],
     "slashes": [heads("{0}", BLAZEPOSE), *wide('"{x}/{y}/{z}"', POINTS)],

@@ -290,18 +290,25 @@ def test_other_pairs_that_are_called_arms_or_wings_are_limbs_and_breasts_are_non
         assert_allclose(found[f"left {limb} 2"][-1], [0.8, 1.2, 0], atol=1e-9)
 
 
-def test_four_pairs_of_limbs_without_names_are_legs():
-    """As those of a spider that lies flat."""
-    table = "body - 0 0 0\nhead body 0 0 0.2  0 0.1 0.4\nsting.{S} body 0.03 0 0.2  0.03 0 0.25"
-    for row, z in enumerate((0.4, 0.15, -0.15, -0.4)):
+@pytest.mark.parametrize(
+    ("rows", "other"),
+    [
+        ((0.4, 0.15, -0.15, -0.4), "sting.{S} body 0.03 0 0.2  0.03 0 0.25"),
+        ((0.4, 0, -0.4), "feeler.{S} head 0.05 0.1 0.4\nend.{S} feeler.{S} 0.1 0.2 0.55  0.15 0.25 0.7"),
+    ],
+)
+def test_four_pairs_of_limbs_without_names_are_legs_if_none_is_on_the_head(rows, other):
+    """As those of a spider that lies flat, unlike those of an ant."""
+    table = f"body - 0 0 0\nhead body 0 0 0.2  0 0.1 0.4\n{other}"
+    for row, z in enumerate(rows):
         table += f"""
         {row}a.{{S}}  body         0.05 0 {z / 10}
         {row}b.{{S}}  {row}a.{{S}}  0.2  0 {z / 2}
         {row}c.{{S}}  {row}b.{{S}}  0.4  0 {z}      0.5 0 {z}"""
-    legs = {f"{side} leg {row}" for row in range(1, 5) for side, _ in SIDES}
-    assert {
-        name for name in limbs_of_joints(joints_at(table)).limbs.points if name.startswith(("left", "right"))
-    } == legs
+    legs = {f"{side} leg {row + 1}" for row in range(len(rows)) for side, _ in SIDES}
+    found = limbs_of_joints(joints_at(table)).limbs.points
+    assert {name for name in found if "leg" in name or "arm" in name} == legs
+    assert "head" in found
 
 
 def test_legs_with_names_point_down_in_a_file_whose_up_is_z():

@@ -17,6 +17,9 @@ from .conftest import in_picture, placed, quiet
 
 SIZE = (1280, 720)
 
+LARGE = ("biped", "pegasus")
+"""Examples with many vertices, which take longer than all others together."""
+
 
 @given(st.integers(0, 1000), st.floats(-180, 180), st.floats(0, 80), st.floats(10, 90))
 def test_the_nearest_camera_shows_all_points_with_room_around_them(seed, azimuth, elevation, field):
@@ -143,7 +146,9 @@ def test_no_vertex_of_whom_a_shot_shows_is_outside_the_picture_in_any_frame(prod
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", examples.MOTIONS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.exhaustive if name in LARGE else ()) for name in examples.MOTIONS]
+)
 def test_no_vertex_of_an_example_is_outside_the_picture_in_any_frame(tmp_path, name):
     log, puppet = examples.prepare(name, tmp_path)
     puppet.write_text(f"{puppet.read_text()}\n[solver]\nfields = 5\nisolines = 6\n")  # a quick model

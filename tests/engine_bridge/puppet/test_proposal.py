@@ -257,4 +257,5 @@ def test_any_limbs_that_cannot_stay_are_left_out_together(blob_file, tmp_path, m
     ],
 )
 def test_a_mistake_on_the_command_line_is_named(blob_file, tmp_path, given, place):
-    assert refused(PuppetError, new_puppet, blob_file, tmp_path / "a.toml", **given).where == place
+    stands = {"up": "y", "front": "z"} | given
+    assert refused(PuppetError, new_puppet, blob_file, tmp_path / "a.toml", **stands).where == place

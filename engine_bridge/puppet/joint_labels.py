@@ -32,7 +32,20 @@ END_PARTS = ("foot", "toes", "hand", "palm")
 
 
 def votes_of(meanings: Sequence[JointMeaning | None], children: Sequence[Sequence[int]]) -> NDArray[np.float64]:
-    """Return the labels (n, 7) for which the names of nodes speak; a shoulder is of the limb that it carries."""
+    """Return the labels for which the names of nodes speak; a shoulder is of the limb that it carries.
+
+    Parameters
+    ----------
+    meanings : sequence of JointMeaning or None
+        What the name of each node says.
+    children : sequence of sequence of int
+        Children of each node, whose rows come later.
+
+    Returns
+    -------
+    (n, 7) float64
+        1 for at most one of `LABELS` in each row.
+    """
     votes = np.zeros((len(meanings), len(LABELS)))
     for row, meaning in reversed([*enumerate(meanings)]):
         if meaning is None or (meaning.side and meaning.part == "spine"):  # "back_claw_L" is of a limb

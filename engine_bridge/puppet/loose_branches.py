@@ -33,7 +33,7 @@ INNER_SHARE = 0.2
 BARE_SHARE = 0.005
 """Maximum share of vertices that follow a joint that moves nothing of its own: a root may have a few by mistake."""
 
-Places = list[tuple[float, int]]
+Carriers = list[tuple[float, int]]
 """Joints on which a branch can hang, the nearest first, with their distances."""
 
 
@@ -60,7 +60,7 @@ def hang_loose_branches(
     if not branches.groups:
         return
     body = branches.body()
-    _attach(parents, branches.places(body), branches.size_of)
+    _attach(parents, branches.carriers(body), branches.size_of)
     top = [body, *joints_above(parents, body)][-1]
     for root in [index for index in parents if parents[index] < 0 and index != top]:
         parents[root] = top
@@ -128,9 +128,9 @@ class _Branches:
             ),
         )
 
-    def places(self, body: int) -> dict[int, Places]:
+    def carriers(self, body: int) -> dict[int, Carriers]:
         """Return where each branch that is far from its parent can hang; none hangs on one that hangs on itself."""
-        found: dict[int, Places] = {}
+        found: dict[int, Carriers] = {}
         joined = dict(self._group_of)
         for top in sorted(self.groups, key=self.size_of):
             others = {index for index in self._parents if joined.get(index) != top}
@@ -226,22 +226,22 @@ class _Branches:
         return away, min(away.values(), default=0.0) > END_RATIO * nearest
 
 
-def _attach(parents: dict[int, int], places: dict[int, Places], size_of: Callable[[int], int]) -> None:
+def _attach(parents: dict[int, int], carriers: dict[int, Carriers], size_of: Callable[[int], int]) -> None:
     """Hang branches on what hangs on the body already, the nearest first (Prim's algorithm).
 
     If none can, the largest one stays where it is.
     """
-    while places:
+    while carriers:
         reached = {
             top: next(
-                (each for each in row if places.keys().isdisjoint([each[1], *joints_above(parents, each[1])])), None
+                (each for each in row if carriers.keys().isdisjoint([each[1], *joints_above(parents, each[1])])), None
             )
-            for top, row in places.items()
+            for top, row in carriers.items()
         }
-        found = [(place, top) for top, place in reached.items() if place]
+        found = [(nearest, top) for top, nearest in reached.items() if nearest]
         if found:
             (_, parent), top = min(found)
             parents[top] = parent
         else:
-            top = max(places, key=size_of)
-        del places[top]
+            top = max(carriers, key=size_of)
+        del carriers[top]

@@ -83,9 +83,16 @@ class PairShape:
 
 
 def said(graph: BodyGraph, nodes: Sequence[int], label: str, beyond: bool = False) -> float:
-    """Return how far names of nodes speak for a label (1) or another one (−1).
+    """Return how far names of nodes speak for a label, 1, or for others, −1; 0 if they say nothing.
 
-    Beyond the trunk, its names say nothing: a spine leads on into the neck and the tail.
+    Parameters
+    ----------
+    graph : BodyGraph
+    nodes : sequence of int
+    label : str
+        One of `LABELS`.
+    beyond : bool
+        Whether they are beyond the trunk, whose names say nothing there: a spine leads on into the neck and the tail.
     """
     votes = graph.votes[list(nodes)].sum(axis=0)
     if beyond:

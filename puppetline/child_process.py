@@ -38,7 +38,7 @@ def processor_count() -> int:
 
 
 def bound_to_parent(environment: Mapping[str, str] = os.environ) -> dict[str, Any]:
-    """Return options of a child process that runs `puppetline` and ends with this process.
+    """Return options of a child process that calls `end_with_parent`, as `puppetline` does, and ends with this one.
 
     The system closes the pipe to its standard input when this process ends, even if it is killed. What this process
     writes into the pipe ends `wait_for_parent`.

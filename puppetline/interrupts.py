@@ -32,20 +32,26 @@ def repeated_interrupts(discarded: Callable[[], None] = lambda: None) -> Iterato
     discarded : callable
         Called when an interrupt was discarded, before SIGINT is raised again.
     """
-    before, timers = sys.unraisablehook, contextlib.ExitStack()
+    before, left = sys.unraisablehook, threading.Event()
 
     def repeat(unraisable: "sys.UnraisableHookArgs") -> None:
         if unraisable.exc_type is not KeyboardInterrupt:
             before(unraisable)
             return
         discarded()
-        timer = threading.Timer(REPEAT_SECONDS, signal.raise_signal, [signal.SIGINT])
-        timers.callback(timer.cancel)
-        timer.start()
+        ends = threading.Lock()
+        with ends:  # an interrupt before the end of this function would be lost
+            threading.Thread(target=interrupt, args=[ends], daemon=True).start()
+
+    def interrupt(after: threading.Lock) -> None:
+        with after:
+            pass
+        if not left.wait(REPEAT_SECONDS):
+            signal.raise_signal(signal.SIGINT)
 
     sys.unraisablehook = repeat
     try:
         yield
     finally:
         sys.unraisablehook = before
-        timers.close()
+        left.set()

@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from puppetline.child_process import bound_to_parent, end_with_parent
 from puppetline.compiling import others, when_begun
 from puppetline.interrupts import OWN_GROUP
 
@@ -37,7 +38,7 @@ def compiling_ahead(at_once: bool = False) -> Iterator[None]:
         for name in WORK if (os.cpu_count() or 1) > 1 else ():
             command = [sys.executable, "-m", __name__, name]
             none = subprocess.DEVNULL
-            process = subprocess.Popen(command, stdin=none, stdout=none, stderr=none, **OWN_GROUP)  # noqa: S603
+            process = subprocess.Popen(command, stdout=none, stderr=none, **bound_to_parent(), **OWN_GROUP)  # noqa: S603
             waiter = threading.Thread(target=process.wait, daemon=True)  # or it would stay, ended, beside a service
             waiter.start()
             started.append((process, waiter))
@@ -188,6 +189,7 @@ WORK = {"motion": (_compile_deformation, _compile_motion), "pictures": (_compile
 
 
 if __name__ == "__main__":
+    end_with_parent()
     if sys.argv[1] == "pictures" and hasattr(os, "nice"):
         os.nice(5)  # they are needed last
     if not is_done():

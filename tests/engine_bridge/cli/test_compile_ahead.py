@@ -3,6 +3,7 @@ import sys
 from unittest.mock import Mock
 
 import numpy as np
+import psutil
 import pytest
 from numpy.testing import assert_allclose
 
@@ -20,6 +21,8 @@ from solver.model.reduced_model import build
 from solver.motion import arms, deformer, feet, limb_motion, retarget
 from solver.skinning import weights
 from solver.surface.dissection import nested_dissection
+
+from ...commands import TIMEOUT_SECONDS
 
 
 @pytest.fixture
@@ -50,6 +53,20 @@ def test_processes_start_once_and_end_with_the_command(processes):
     with compile_ahead.compiling_ahead():  # of a command that compiles nothing
         assert len(when_begun) == len(before) + 1
     assert when_begun == before
+
+
+def test_processes_end_with_a_command_that_is_killed(tmp_path, monkeypatch):
+    """Otherwise they may wait for minutes, for what another command compiles."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    program = "with compile_ahead.compiling_ahead(at_once=True): print(flush=True); input()"
+    command = [sys.executable, "-c", f"from engine_bridge.cli import compile_ahead\n{program}"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        process.stdout.readline()
+        children = psutil.Process(process.pid).children()
+        process.kill()
+    assert len(children) == 2
+    assert not psutil.wait_procs(children, TIMEOUT_SECONDS)[1]
+    assert not [*tmp_path.rglob("arms._step*.nbi")]  # the last function that one of them compiles
 
 
 def in_python_meanwhile():

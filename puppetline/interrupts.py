@@ -32,21 +32,21 @@ def repeated_interrupts(discarded: Callable[[], None] = lambda: None) -> Iterato
     discarded : callable
         Called when an interrupt was discarded, before SIGINT is raised again.
     """
-    before, left = sys.unraisablehook, threading.Event()
+    before, over = sys.unraisablehook, threading.Event()
 
     def repeat(unraisable: "sys.UnraisableHookArgs") -> None:
         if unraisable.exc_type is not KeyboardInterrupt:
             before(unraisable)
             return
         discarded()
-        ends = threading.Lock()
-        with ends:  # an interrupt before the end of this function would be lost
-            threading.Thread(target=interrupt, args=[ends], daemon=True).start()
+        in_hook = threading.Lock()
+        with in_hook:  # an interrupt before the end of this function would be lost
+            threading.Thread(target=interrupt, args=[in_hook], daemon=True).start()
 
     def interrupt(after: threading.Lock) -> None:
         with after:
             pass
-        if not left.wait(REPEAT_SECONDS):
+        if not over.wait(REPEAT_SECONDS):
             signal.raise_signal(signal.SIGINT)
 
     sys.unraisablehook = repeat
@@ -54,4 +54,4 @@ def repeated_interrupts(discarded: Callable[[], None] = lambda: None) -> Iterato
         yield
     finally:
         sys.unraisablehook = before
-        left.set()
+        over.set()

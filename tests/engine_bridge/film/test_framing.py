@@ -18,7 +18,7 @@ from .conftest import in_picture, placed, quiet
 SIZE = (1280, 720)
 
 LARGE = ("biped", "pegasus")
-"""Examples with many vertices, which take longer than all others together."""
+"""Examples with many vertices: to frame these takes longer than to frame all others."""
 
 
 @given(st.integers(0, 1000), st.floats(-180, 180), st.floats(0, 80), st.floats(10, 90))

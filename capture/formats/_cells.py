@@ -155,7 +155,8 @@ def split(lines: Sequence[Line]) -> Cells | None:
     left_out = count - len(rows)
     width = _width(rows, first)
     header = _header(rows[:first], width)
-    body, numbers = rows[first:], [at for at, _ in lines[first:]]
+    kept = [k for k in range(first, len(rows)) if rows[k] not in rows[:first]]  # files joined have several headers
+    body, numbers = [rows[k] for k in kept], [lines[k][0] for k in kept]
     cut_off = None
     if len(body) > 1 and len(body[-1]) < width and not lines[-1][1].endswith("\n"):
         cut_off = numbers[-1]

@@ -3,7 +3,7 @@
 import re
 import tomllib
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
 from typing import NamedTuple
@@ -47,6 +47,22 @@ class Column(NamedTuple):
     role: str
     joint: str = ""
     person: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """What the columns of a table are.
+
+    Attributes
+    ----------
+    joints : dict of str to dict
+        Columns of a joint's "x", "y", "z" and "state" by its name; a column with several numbers is its "x" only.
+    fields : dict of str to int
+        Columns that are "time", "frame", "person" or "joint".
+    """
+
+    joints: dict[str, dict[str, int]]
+    fields: dict[str, int]
 
 
 def parse(names: Sequence[Sequence[str]]) -> list[Column]:

@@ -5,9 +5,7 @@ A TRC is a table whose names are those of three columns each; other numbers are 
 
 import itertools
 import re
-import tomllib
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
@@ -20,18 +18,22 @@ from capture.formats._columns import (
     AXES,
     WORDS,
     Column,
+    Layout,
     of_angles,
     parse,
     with_frames_in_rows,
     with_numbers_as_axes,
     without_prefix,
 )
+from capture.formats._columns_file import layout_of_file
 from capture.formats._rows import Line
 from capture.formats.clips import with_stated_rate
+from capture.formats.joint_order import COUNTS, names_by_shape
 from capture.formats.joint_sets import MAX_MISFIT, Fit, as_of, clearest, fits, refuse_image
 from capture.formats.layouts import HOLISTIC, JOINT_SETS
 from capture.formats.options import ReadOptions
-from capture.formats.positions import is_person, missing_joints, part_of_a_person
+from capture.formats.positions import WHOLE_BODY, is_person, missing_joints, part_of_a_person
+from capture.formats.skeleton_joints import BY_SHAPE_NOTE
 from puppetline.errors import SkeletonLogError, at
 
 Floats = NDArray[np.float64]
@@ -63,6 +65,9 @@ _PART = re.compile("((left|right)_)?(hand|face)_.*[0-9]$")
 NAMED_ROWS = 200
 """Number of rows by which cells are told to be names of joints."""
 
+MIN_JOINTS = 2
+"""Number of joints with positions from which angles in other columns do not matter."""
+
 MAX_MISSING = 2
 """Number of missing joints up to which a table that is no person's is told so."""
 
@@ -71,22 +76,6 @@ GROUP_SIZES = range(4, 9)
 
 OTHER_LAYOUTS = {171: ("cad60", [*range(11, 165, 14), *range(155, 171, 4)])}
 """Joint set, and first columns of the joints, of tables without a header whose joints differ: CAD-60."""
-
-
-@dataclass(frozen=True, slots=True)
-class Layout:
-    """What the columns of a table are.
-
-    Attributes
-    ----------
-    joints : dict of str to dict
-        Columns of a joint's "x", "y", "z" and "state" by its name; a column with several numbers is its "x" only.
-    fields : dict of str to int
-        Columns that are "time", "frame", "person" or "joint".
-    """
-
-    joints: dict[str, dict[str, int]]
-    fields: dict[str, int]
 
 
 class Table:
@@ -137,7 +126,7 @@ class Table:
         if cells.left_out:
             self.notes = (*self.notes, f"{cells.left_out} lines have another form than the others. They are omitted.")
         if options.columns:
-            self._layouts = [self._mapped(options.columns)]
+            self._layouts = [layout_of_file(options.columns, cells)]
         else:
             self._layouts = self._trc(lines[header][1]) if header else self._named() or self._unnamed()
 
@@ -208,64 +197,6 @@ class Table:
         is_known = is_known or self._joint_set_of_rows(next(iter(joints.values()))) is not None
         return Layout(joints, fields) if is_known else None
 
-    def _mapped(self, path: Path) -> Layout:
-        """Return the layout that a file of the user's names."""
-        try:
-            chosen = tomllib.loads(path.read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
-            raise SkeletonLogError(
-                path,
-                found=f"a file that cannot be read as TOML ({error})",
-                expected='lines such as Head = ["HX", "HY", "HZ"]',
-                fix="Correct the file.",
-            ) from error
-        joints, fields = {}, {}
-        for name, own in chosen.items():
-            columns = [
-                column
-                for each in (own if isinstance(own, list) else [own])
-                for column in self._columns_of(path, name, each)
-            ]
-            is_field = name in ("time", "frame", "person", "joint")
-            if len(columns) not in ((1,) if is_field else range(3, 8)):
-                raise SkeletonLogError(
-                    at(path, field=name),
-                    found=f"{len(columns)} columns",
-                    expected="the columns of x, y and z, or one column with all three",
-                    fix="Correct this line.",
-                )
-            if is_field:
-                fields[name] = columns[0]
-            else:
-                joints[name] = dict(zip((*AXES, "state"), columns, strict=False))
-        if not joints:
-            raise SkeletonLogError(
-                path,
-                found="no columns of a joint",
-                expected='lines such as Head = ["HX", "HY", "HZ"]',
-                fix="Add a line for each joint.",
-            )
-        return Layout(joints, fields)
-
-    def _columns_of(self, path: Path, field: str, name: object) -> list[int]:
-        """Return the columns of a column of the file, which has a name or a number from 1."""
-        origin, count = self.cells.origin, self.cells.origin[-1] + 1
-        chosen = [
-            index
-            for index, column in enumerate(origin)
-            if name == column + 1
-            or name == self._names[index]
-            or (origin.count(column) > 1 and name == " ".join(self.cells.names[index][:-1]))
-        ]
-        if not chosen:
-            raise SkeletonLogError(
-                at(path, field=field),
-                found=f"the column {name!r}",
-                expected=f"a number from 1 to {count}, or a name of the table such as {self._names[0]!r}",
-                fix="Correct this line.",
-            )
-        return chosen
-
     def _unnamed(self) -> list[Layout]:
         """Return the layout without names in which the columns are a person's joints, if there is one."""
         named = sum(map(bool, self._names))
@@ -288,10 +219,24 @@ class Table:
         if found:
             best = clearest(self.path, [fit for fit, _ in found], f"a table with {self.width} columns")
             return [layout for fit, layout in found if fit is best]
+        if by_shape := self._by_shape():
+            return by_shape
         own = dict(zip((*AXES, "state"), range(self.width), strict=False))
         if self.width in (3, 4) and self._joint_set_of_rows(own):
             return [Layout({f"{UNNAMED}0": own}, {})]
         return self._numbered_rows()
+
+    def _by_shape(self) -> list[Layout]:
+        """Return the layout of nothing but x y z of joints in an unknown order, if they move as a person's do."""
+        if self.options.joints or self.width % 3 or self.width // 3 not in COUNTS:
+            return []
+        starts = range(0, self.width, 3)
+        axes = [dict(zip(AXES, range(start, start + 3), strict=True)) for start in starts]
+        names = names_by_shape(np.stack([self.positions(own) for own in axes], axis=1))
+        if not is_person(names):
+            return []
+        self.notes = (*self.notes, BY_SHAPE_NOTE)
+        return [Layout({name: own for name, own in zip(names, axes, strict=True) if name}, {})]
 
     def _rows_with_names(self) -> list[Layout]:
         """Return the layout of rows of which each has the name of a joint in a cell, and its x, y and z after it."""
@@ -401,7 +346,8 @@ class Table:
         best: list[Fit] = []
         for name, joints in JOINT_SETS.items():
             count = len(rows) // len(joints)
-            if self.options.joints in (None, name) and count and name not in HOLISTIC:
+            is_whole = self._is_of_joints or self.options.joints or count * len(joints) == len(rows)
+            if self.options.joints in (None, name) and count and is_whole and name not in HOLISTIC:
                 best += fits(rows[: count * len(joints)].reshape(count, -1, 3), [name])
         if not (self.options.joints or self._is_of_joints):  # points of a mesh are rows of x y z too
             best = [fit for fit in best if fit.misfit < MAX_MISFIT]
@@ -413,34 +359,37 @@ class Table:
     def layouts(self) -> list[Layout]:
         """The columns of each performer, or one layout if performers share columns; an error without positions."""
         if not self._layouts:
-            named = [
-                name
-                for name, cells in zip(self._names, self.cells.names, strict=True)
-                if len(cells) == 1 or set(cells) - set(PARTS)
-            ]
-            names = ", ".join(named[:12])
-            found = (
-                f"a table with the columns {names}{' …' if len(named) > 12 else ''}"
-                if names
-                else f"a table with {self.cells.origin[-1] + 1} columns without names"
-            )
-            columns = parse(self.cells.names)
-            for _, starts, _ in self._candidates() if not names else ():
+            self._refuse_columns()
+        return self._layouts
+
+    def _refuse_columns(self) -> NoReturn:
+        """Raise the error that says what the columns are instead of a person's joints."""
+        named = [
+            name
+            for name, cells in zip(self._names, self.cells.names, strict=True)
+            if len(cells) == 1 or set(cells) - set(PARTS)
+        ]
+        columns = parse(self.cells.names)
+        roles, joints = {column.role for column in columns}, [column.joint for column in columns if column.role == "z"]
+        if named:
+            found = f"a table with the columns {', '.join(named[:12])}{' …' if len(named) > 12 else ''}"
+            found += as_of(len(joints))
+        else:
+            found = f"a table with {self.cells.origin[-1] + 1} columns without names{as_of(self.width // 3)}"
+            for _, starts, _ in self._candidates():
                 points = [self.positions({"x": x, "y": x + 1, "z": x + 2}) for x in starts]
                 refuse_image(self.path, np.stack(points, axis=1))
-            found += part_of_a_person([column.joint for column in columns if column.role == "z"])
-            found += as_of(sum(column.role == "z" for column in columns) or (self.width // 3 if not names else 0))
-            found += of_angles(named) if names else ""
-            roles = {column.role for column in columns}
-            missing = missing_joints([column.joint for column in columns if column.role == "z"])
-            # a shoulder without an elbow may be a collar
-            missing = [joint for joint in missing if not joint.startswith("shoulder")]
-            if 0 < len(missing) <= MAX_MISSING:
-                found += f", which have no {' and '.join(missing)}"
-            if roles >= {"x", "y"} and "z" not in roles:
-                self.refuse(f"{found}, which have no z: positions in an image", IN_SPACE)
-            self.refuse(found, NAME_COLUMNS if roles >= set(AXES) or not names else f"{EXPORT} {NAME_COLUMNS}")
-        return self._layouts
+        if part := part_of_a_person(joints):
+            self.refuse(f"{found}{part}", WHOLE_BODY)
+        if len(joints) < MIN_JOINTS and (angles := of_angles(named)):
+            self.refuse(f"{found}{angles}", EXPORT)
+        # a shoulder without an elbow may be a collar
+        missing = [joint for joint in missing_joints(joints) if not joint.startswith("shoulder")]
+        if 0 < len(missing) <= MAX_MISSING:
+            found += f", which have no {' and '.join(missing)}"
+        if roles >= {"x", "y"} and "z" not in roles:
+            self.refuse(f"{found}, which have no z: positions in an image", IN_SPACE)
+        self.refuse(found, NAME_COLUMNS if roles >= set(AXES) or not named else f"{EXPORT} {NAME_COLUMNS}")
 
     @property
     def has_joints(self) -> bool:

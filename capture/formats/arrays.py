@@ -25,7 +25,7 @@ from capture.formats.joint_order import COUNTS, names_by_shape
 from capture.formats.joint_sets import Fit, as_of, clearest, fits
 from capture.formats.layouts import JOINT_SETS
 from capture.formats.options import ReadOptions
-from capture.formats.positions import clip_of_positions, is_person, part_of_a_person
+from capture.formats.positions import WHOLE_BODY, clip_of_positions, is_person, part_of_a_person
 from capture.formats.proportions import refuse_flat
 from capture.formats.skeleton_joints import BY_SHAPE_NOTE
 from capture.formats.table import confidence_of
@@ -321,7 +321,8 @@ def _refuse(path: Path, arrays: Arrays, options: ReadOptions) -> NoReturn:
             refuse_flat(path, np.squeeze(array).astype(np.float64))
     counts = [shape[-2] for shape in shapes if len(shape) > 2 and shape[-1] == 3]
     kind = next(filter(None, map(as_of, counts)), "") or of_angles(list(arrays))
-    found, fix = f"{describe(arrays)}{kind or part_of_a_person([name.rsplit('.')[-1] for name in arrays])}", ""
+    part = part_of_a_person([name.rsplit(".")[-1] for name in arrays])
+    found, fix = f"{describe(arrays)}{kind or part}", WHOLE_BODY if part else ""
     if any(shape[-1:] == (2,) and shape[-2:-1] and shape[-2] in _SIZES for shape in shapes):
         found, fix = f"{found}, positions in an image (2D)", "Use positions in space, or the video itself."
     elif any(shape[-1:] == (HUMANML3D_FEATURES,) for shape in shapes):

@@ -31,7 +31,7 @@ MAX_OUTSIDE = 2.0
 SIZES = ((640, 480), (480, 640), (1280, 720), (720, 1280), (1920, 1080), (1080, 1920), (3840, 2160), (2160, 3840))
 """Common widths and heights of images, the smallest ones first."""
 
-DEPTHS = (1.0, 0.5, 0.25, 0.125)
+DEPTHS = (1.0, 0.7, 0.5, 0.35, 0.25, 0.18, 0.125)
 """Factors of the depths that are tried; trackers exaggerate them."""
 
 MAX_DEPTH_OF_HIPS = 0.002

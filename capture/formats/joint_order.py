@@ -88,7 +88,7 @@ def _limbs(beside: dict[int, list[int]], mean: Floats) -> list[list[int]]:
 
     found: dict[int, tuple[float, list[int]]] = {}
     paths: list[list[int]] = []
-    leg = max(branch(each, node)[0] for node in beside for each in beside[node]) / 2
+    leg = max((branch(each, node)[0] for node in beside for each in beside[node]), default=0.0) / 2
     for node, others in beside.items():
         ways = [branch(each, node) for each in others]
         long = [way for way in ways if way[0] > MIN_BRANCH * leg]

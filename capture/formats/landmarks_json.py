@@ -206,7 +206,7 @@ def _points_in(value: Any) -> tuple[int, int]:
     """Return how many points a list or dictionary has, and how many coordinates these have; 0 if it has others."""
     each = list(value.values()) if isinstance(value, dict) else value
     if all(map(_is_number, each)):  # x and y in turn
-        is_flat = len(each) % 2 == 0 and len(each) // 2 in _SIZES and not _point_sizes(len(each))
+        is_flat = len(each) % 2 == 0 and len(each) // 2 in _SIZES and not _point_sizes(len(each)) and min(each) >= 0
         return (len(each) // 2, 2) if is_flat else (0, 0)
     sizes = [2 if _is_flat(point) else 3 if _point(point) not in (None, _LOST) else 0 for point in each]
     others = sizes.count(0)

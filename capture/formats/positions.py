@@ -50,6 +50,9 @@ BELOW_SHOULDERS, HIP_WIDTH = (
 NECK_SHARE = TYPICAL_BONE_METRES["head"] / TYPICAL_TRUNK_METRES
 """Length of the neck and half of the head, as a share of the trunk's."""
 
+WHOLE_BODY = "Use a recording of the whole body."
+"""What to do with positions of legs or of arms only."""
+
 _SIDES = "left", "right"
 _LANDMARKS = {
     **{joint: (joint,) for joint in ("hip_center", "spine", "shoulder_center")},

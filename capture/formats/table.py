@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from capture.clip import SkeletonClip
 from capture.formats import smpl
 from capture.formats._cells import number
-from capture.formats._columns import TABLE, without_prefix
+from capture.formats._columns import TABLE, Layout, without_prefix
 from capture.formats._rows import read_lines, whole_lines
-from capture.formats._table import EXPORT, UNNAMED, Layout, Table
+from capture.formats._table import EXPORT, UNNAMED, Table
 from capture.formats.clips import DEFAULT_FPS, MAX_JOINTS, frame_rate
 from capture.formats.joint_sets import UnclearOrderError, numbered
 from capture.formats.options import ReadOptions

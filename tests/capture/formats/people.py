@@ -2,8 +2,9 @@
 
 import numpy as np
 from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
 
-from capture.skeleton import JOINT_INDEX
+from capture.skeleton import JOINT_INDEX, PARENTS
 
 from ..bodies import body, both, table
 
@@ -53,6 +54,19 @@ def person(frames=4):
 
 
 PERSON = person()
+
+
+def moving(frames=40):
+    """Return positions (T, 20, 3) of a person each of whose limbs' bones swings in a rhythm of its own."""
+    points, turns = np.tile(PERSON[:1], (frames, 1, 1)), {}
+    for index, (joint, parent) in enumerate(PARENTS.items()):
+        bends = joint.split("_")[0] in ("elbow", "wrist", "hand", "knee", "ankle", "head")
+        swing = np.sin(np.arange(frames) * (0.3 + 0.05 * index)) * 0.5 * bends
+        swing += {"wrist": 0.6, "ankle": -0.6}.get(joint.split("_")[0], 0)  # elbows bend forwards, knees backwards
+        turns[joint] = Rotation.from_rotvec(np.outer(swing, [1, 0, 0])) * turns.get(parent, Rotation.identity())
+        way = PERSON[0, JOINT_INDEX[joint]] - PERSON[0, JOINT_INDEX[parent]]
+        points[:, JOINT_INDEX[joint]] = points[:, JOINT_INDEX[parent]] + turns[joint].apply(way)
+    return points
 
 
 def joints_as(names):

@@ -240,6 +240,7 @@ COCO[..., 2] = np.random.default_rng(0).uniform(0, 1, COCO.shape[:2])  # a score
         ({"people": [{"pose_keypoints_2d": [0.5] * 75}]}, "positions in an image"),
         ({"train": [{"points": list(range(34)), "label": 2}] * 3}, "positions in an image"),
         ([{"roll": 1.5, "accX": [1, 2, 3]}] * 9, ", a list of 9 with the keys roll, accX, without positions in space"),
+        ({"Frames": [[0.5, -0.5] * 22] * 3}, "without positions in space"),  # rotations
         ({"poses": [{"base": [0, 0, 1], "joints": {"hip": 0.5}}]}, "keys poses, without positions in space"),
         ([{"frame": 1, "knee_angle": 177, "elbow_angle": [1, 2, 3]}] * 9, "without positions in space: angles"),
         ({"left_elbow": "x"}, "left_elbow"),

@@ -209,7 +209,7 @@ def test_few_frames_that_are_far_from_the_others_are_lost(far):
     assert f"{far} of 80 frames" in " ".join(clip.notes)
 
 
-@pytest.mark.parametrize("depth", [1.0, 0.5])
+@pytest.mark.parametrize("depth", [1.0, 0.35])
 @pytest.mark.parametrize(
     ("width", "height", "reach", "in_pixels"),
     [(9, 16, 2.5, False), (9, 16, 0.95, False), (16, 9, 2.5, False), (1280, 720, 2.5, True)],

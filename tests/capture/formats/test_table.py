@@ -11,12 +11,13 @@ from capture.formats import table
 from capture.formats._cells import vector
 from capture.formats.layouts import JOINT_SETS
 from capture.formats.options import ReadOptions
+from capture.formats.skeleton_joints import BY_SHAPE_NOTE
 from capture.skeleton import JOINT_INDEX, JOINTS
 from puppetline.errors import SkeletonLogError
 
 from ...effort import EFFORT
 from ..bodies import both
-from .people import BLAZEPOSE, LIMBS, PERSON, POINTS, assert_reads, joints_as
+from .people import BLAZEPOSE, LIMBS, PERSON, POINTS, assert_reads, joints_as, moving
 from .random_tables import judge
 
 RIGHT = np.array([1.0, 0, 0])
@@ -129,6 +130,7 @@ TIMELESS = {
         for k, joint in enumerate(JOINTS)
         for a, axis in enumerate("xyz")
     ],
+    "several files in one": [heads(), *wide()[:2], heads(), *wide()[2:]],
     "labels in cells of several lines": [heads("{0}"), *wide('"x: {x}\ny: {y}\nz: {z}\nvisibility: 0.9\n"')],
     "labels in cells": [heads("{0}"), *wide("\"{{'x': {x}, 'y': {y}, 'z': {z}}}\"")],
     "a column of parts": ["parts,x_coords,y_coords,z_coords", *long("{name},{x},{y},{z}", names=JOINTS)],
@@ -389,6 +391,7 @@ def test_rows_of_landmarks_may_be_rough_if_a_name_says_so(read):
 def test_one_pose_may_be_the_whole_file(read):
     lines = long("{x},{y},{z},0.9", POINTS[:1])
     assert table.matches("\n".join(lines).encode())
+    assert not table.matches("\n".join([*lines, lines[0]]).encode())  # the path of a single point, perhaps
     [clip] = read(table, lines)
     assert_reads(clip, PERSON[:1], LIMBS)
 
@@ -413,6 +416,14 @@ def test_rows_of_another_form_are_left_out(read):
     [clip] = read(table, [heads(), *(f"{row},1,2,3" if k % 6 == 5 else row for k, row in enumerate(rows))])
     assert_reads(clip, poses[np.arange(36) % 6 != 5])
     assert "6 lines have another form than the others. They are omitted." in clip.notes
+
+
+def test_joints_in_no_known_order_are_told_by_how_they_move(read):
+    points = moving()
+    order = np.random.default_rng(0).permutation(20)
+    [clip] = read(table, wide(points=points[:, order]))
+    assert BY_SHAPE_NOTE in clip.notes
+    assert_reads(clip, points, joints=both("shoulder", "elbow", "wrist", "hip", "knee", "ankle"), step=1 / 30)
 
 
 def test_the_first_joints_of_an_order_suffice(read):

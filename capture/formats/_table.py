@@ -346,8 +346,9 @@ class Table:
         best: list[Fit] = []
         for name, joints in JOINT_SETS.items():
             count = len(rows) // len(joints)
-            is_whole = self._is_of_joints or self.options.joints or count * len(joints) == len(rows)
-            if self.options.joints in (None, name) and count and is_whole and name not in HOLISTIC:
+            again = np.linalg.norm(rows[len(joints) :] - rows[: -len(joints)], axis=1)  # the same joint's steps
+            is_path = len(again) > 0 and not np.nanmedian(again) < np.nanmedian(np.linalg.norm(steps, axis=1))
+            if self.options.joints in (None, name) and count and not is_path and name not in HOLISTIC:
                 best += fits(rows[: count * len(joints)].reshape(count, -1, 3), [name])
         if not (self.options.joints or self._is_of_joints):  # points of a mesh are rows of x y z too
             best = [fit for fit in best if fit.misfit < MAX_MISFIT]

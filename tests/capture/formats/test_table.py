@@ -368,10 +368,11 @@ TIMES = np.cumsum(np.random.default_rng(0).uniform(0, 0.2, 900))
             f"{time:.4f} {x:.4f} {y:.4f}"
             for time, (x, y) in zip(TIMES, np.resize(PERSON[0, :, :2], (900, 2)), strict=True)
         ],
+        long("{x} {y} {z}", PERSON + 3 * np.arange(4)[:, None, None] * RIGHT),
     ],
-    ids=["scores", "quaternions", "times"],
+    ids=["scores", "quaternions", "times", "path"],
 )
-def test_scores_quaternions_and_times_are_no_axis(lines):
+def test_scores_quaternions_times_and_paths_of_a_point_are_no_joints(lines):
     assert not table.matches("\n".join(lines).encode())
 
 
@@ -391,7 +392,6 @@ def test_rows_of_landmarks_may_be_rough_if_a_name_says_so(read):
 def test_one_pose_may_be_the_whole_file(read):
     lines = long("{x},{y},{z},0.9", POINTS[:1])
     assert table.matches("\n".join(lines).encode())
-    assert not table.matches("\n".join([*lines, lines[0]]).encode())  # the path of a single point, perhaps
     [clip] = read(table, lines)
     assert_reads(clip, PERSON[:1], LIMBS)
 

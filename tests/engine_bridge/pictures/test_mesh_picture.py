@@ -10,28 +10,14 @@ from engine_bridge.pictures.view import View
 from ..character.conftest import CORNERS, SIDES
 
 FRONT = View(azimuth=0, elevation=0, center=(0, 0, 0), radius=1.5)
+SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]), np.array([[0, 1, 2], [0, 2, 3]])
+"""Vertices and faces."""
 
 
 def sphere(center=(0.0, 0.0, 0.0), radius=1.0):
     """A sphere of 5,120 faces."""
     points, faces = igl.upsample(*igl.icosahedron(), 4)
     return np.array(center) + radius * points / np.linalg.norm(points, axis=1, keepdims=True), faces
-
-
-def square(center, half, z, color):
-    x, y = center
-    corners = [[x - half, y - half, z], [x + half, y - half, z], [x + half, y + half, z], [x - half, y + half, z]]
-    return np.array(corners, float), np.array([[0, 1, 2], [0, 2, 3]]), np.tile(color, (4, 1)).astype(float)
-
-
-def together(*parts):
-    vertices, faces, colors = zip(*parts, strict=True)
-    starts = np.cumsum([0, *map(len, vertices)])[:-1]
-    return (
-        np.concatenate(vertices),
-        np.concatenate([f + s for f, s in zip(faces, starts, strict=True)]),
-        np.concatenate(colors),
-    )
 
 
 def linear(image):
@@ -59,24 +45,27 @@ def test_a_sphere_covers_its_area_around_the_centre_from_all_sides(angles):
 
 @pytest.mark.parametrize(
     ("azimuth", "elevation", "left", "right"),
-    [(0, 0, "+z", "+z"), (45, 0, "+z", "+x"), (135, 0, "+x", "-z"), (-45, 0, "-x", "+z"), (0, 90, "+y", "+y")],
+    [
+        (0, 0, "001", "001"),
+        (45, 0, "001", "100"),
+        (135, 0, "100", "110"),
+        (-45, 0, "011", "001"),
+        (0, 90, "010", "010"),
+    ],
 )
 def test_each_side_of_a_cube_shows_where_the_camera_sees_it(azimuth, elevation, left, right):
-    paint = {"+x": (1, 0, 0), "-x": (0, 1, 1), "+y": (0, 1, 0), "-z": (1, 1, 0), "+z": (0, 0, 1), "-y": (1, 0, 1)}
-    sides = []
-    for side, color in paint.items():
-        axis, sign = "xyz".index(side[1]), 1.0 if side[0] == "+" else -1.0
-        corners = np.insert([[-1, -1], [1, -1], [1, 1], [-1, 1]], axis, sign, axis=1).astype(float)
-        sides.append((corners, np.array([[0, 1, 2], [0, 2, 3]]), np.tile(color, (4, 1)).astype(float)))
-    vertices, faces, colors = together(*sides)
-    image = render(vertices, faces, View(azimuth, elevation, (0, 0, 0), 2.0), (80, 80), colors)
+    """The sides at +x, +y and +z are red, green and blue, and the opposite ones have the other two colours."""
+    corners, faces = igl.bounding_box(np.array([[-1.0, -1, -1], [1, 1, 1]]))
+    sides = np.trunc(corners[faces].mean(axis=1))
+    colors = (sides + (sides.min(axis=1, keepdims=True) < 0)).repeat(3, axis=0)
+    view = View(azimuth, elevation, (0, 0, 0), 2.0)
+    image = render(corners[faces].reshape(-1, 3), np.arange(36).reshape(-1, 3), view, (80, 80), colors)
     for side, column in ((left, 30), (right, 50)):
-        assert_array_equal(image[40, column] > 40, np.array(paint[side]) == 1)
+        assert [value > 40 for value in image[40, column]] == [digit == "1" for digit in side]
 
 
 def test_a_common_edge_through_pixel_centres_leaves_no_gap():
-    vertices, faces, _ = square((0, 0), 1, 0, (1, 1, 1))
-    covered = coverage(vertices, faces, FRONT, (60, 60))
+    covered = coverage(*SQUARE, FRONT, (60, 60))
     assert_allclose(covered[10:50, 10:50], 1, atol=1e-9)
     assert covered.sum() == pytest.approx(1600, abs=1e-6)
 
@@ -97,11 +86,8 @@ def test_a_sphere_casts_the_key_lights_shadow_on_the_floor():
 
 
 def test_colors_are_interpolated_between_vertices():
-    vertices, faces, _ = square((0, 0), 1, 0, (1, 1, 1))
     colors = np.array([[0, 0.2, 0], [1, 0.2, 0], [1, 0.2, 0], [0, 0.2, 0]])
-    image, grey = (
-        linear(render(vertices, faces, FRONT, (60, 60), each))[30, 11:49] for each in (colors, np.full((4, 3), 0.2))
-    )
+    image, grey = (linear(render(*SQUARE, FRONT, (60, 60), each))[30, 11:49] for each in (colors, np.full((4, 3), 0.2)))
     assert_allclose(image[:, 0] / grey[:, 0], (np.arange(11, 49) - 9.5) / 40 / 0.2, rtol=0.05)
     assert_array_equal(image[:, 1], grey[:, 1])
 

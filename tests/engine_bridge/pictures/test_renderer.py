@@ -15,9 +15,12 @@ from engine_bridge.pictures.renderer import PLACES, Renderer
 from engine_bridge.pictures.surroundings import Lighting, Overlay, Panorama, StageExtent, Surroundings
 from engine_bridge.pictures.textures import textures_of
 
+from ..film.conftest import in_picture
+
 SIZE = (160, 120)
 STAGE = StageExtent(np.zeros(3), 2.0, 2.0, 1.0)
 CAMERA = Camera(np.array([0.0, 0.8, 6.0]), np.array([0.0, 0.8, 0.0]), 30)
+ABOVE = Camera(np.array([0.0, 2.5, 5.0]), np.array([0.0, 0.4, 0.0]), 40)
 PLAIN = Appearance(
     np.array([1, 0, 0, 1], np.float32), None, None, np.zeros((4, 2), np.float32), "OPAQUE", 0.5, True, True
 )
@@ -55,43 +58,6 @@ def picture(
     return Renderer(SIZE, samples).draw(camera, STAGE, drawn, moved, around, over)[..., :3]
 
 
-def test_points_are_where_the_camera_projects_them():
-    pixels = picture((PLAIN, square(0.5, x=0.4, y=1.2), FRONT))
-    rows, columns = np.nonzero((pixels == [255, 0, 0]).all(axis=2))
-    corners = np.column_stack([square(0.5, x=0.4, y=1.2)[0], np.ones(4)]) @ CAMERA.matrix(SIZE).astype(float)
-    expected = (corners[:, :2] / corners[:, 3:] / 2 + 0.5) * SIZE
-    shown = [[columns.min(), rows.min()], [columns.max() + 1, rows.max() + 1]]
-    np.testing.assert_allclose(shown, [expected.min(axis=0), expected.max(axis=0)], atol=1)
-    assert (pixels[0, 0] == [0, 0, 255]).all()
-
-
-def test_edges_are_smooth():
-    turned, normals = square(0.7)
-    turned = (turned - [0, 0.8, 0]) @ [[0.8, 0.6, 0], [-0.6, 0.8, 0], [0, 0, 1]] + [0, 0.8, 0]
-    smooth = picture((PLAIN, (turned, normals), FRONT))
-    rough = picture((PLAIN, (turned, normals), FRONT), samples=1)
-
-    def mixed(pixels):
-        return ((pixels[..., 0] > 20) & (pixels[..., 2] > 20)).sum()
-
-    assert mixed(smooth) > 40
-    assert mixed(rough) == 0
-
-
-def test_one_sided_triangles_are_seen_from_the_front_only():
-    one_sided = replace(PLAIN, two_sided=False)
-    assert picture((one_sided, square(0.5), FRONT))[60, 80].tolist() == [255, 0, 0]
-    assert picture((one_sided, square(0.5), FRONT[:, ::-1]))[60, 80].tolist() == [0, 0, 255]
-    assert picture((PLAIN, square(0.5), FRONT[:, ::-1]))[60, 80].tolist() == [255, 0, 0]
-
-
-def test_the_nearer_surface_hides_the_other():
-    green = replace(PLAIN, color=np.array([0, 1, 0, 1], np.float32))
-    pixels = picture((PLAIN, square(0.5, z=0.5), FRONT), (green, square(1.0), FRONT))
-    assert pixels[60, 80].tolist() == [255, 0, 0]
-    assert pixels[45, 80].tolist() == [0, 255, 0]
-
-
 def test_transparent_surfaces_mix_with_what_is_behind_them():
     glass = replace(PLAIN, color=np.array([0, 1, 0, 0.5], np.float32), opacity="BLEND")
     pixels = picture((glass, square(0.5, z=0.5), FRONT), (PLAIN, square(1.0), FRONT))
@@ -116,16 +82,14 @@ def test_textures_repeat_and_masks_have_holes():
 @pytest.mark.parametrize("splits", [0, 7], ids=["at pixels", "at vertices"])
 def test_a_square_over_the_floor_casts_a_soft_shadow(splits):
     """The same square as two triangles, and as many small ones, which are lit at their vertices."""
-    lit = replace(PLAIN, unlit=False, color=np.ones(4, np.float32))
     corners = np.array([[-0.5, 0, -0.5], [0.5, 0, -0.5], [0.5, 0, 0.5], [-0.5, 0, 0.5]])
     vertices, triangles = igl.upsample(corners, FRONT[:, ::-1], splits) if splits else (corners, FRONT[:, ::-1])
-    lit = replace(lit, uv=np.zeros((len(vertices), 2), np.float32))
+    lit = replace(PLAIN, unlit=False, color=np.ones(4, np.float32), uv=np.zeros((len(vertices), 2), np.float32))
     vertices = vertices + np.array([0.0, 0.6, 0.0])
-    camera = Camera(np.array([0.0, 2.5, 5.0]), np.array([0.0, 0.4, 0.0]), 40)
     normals = np.tile([0.0, 1.0, 0.0], (len(vertices), 1))
     floor = (217, 217, 217)
-    pixels = picture((lit, (vertices, normals), triangles), floor=floor, camera=camera).astype(int)
-    alone = picture(floor=floor, camera=camera).astype(int)
+    pixels = picture((lit, (vertices, normals), triangles), floor=floor, camera=ABOVE).astype(int)
+    alone = picture(floor=floor, camera=ABOVE).astype(int)
     darker = (alone - pixels)[..., 0]
     assert (darker > 40).sum() > 300  # the core of the shadow
     assert ((darker > 5) & (darker < 35)).sum() > 60  # its soft edge
@@ -135,10 +99,9 @@ def test_a_square_over_the_floor_casts_a_soft_shadow(splits):
 def test_each_colour_of_a_light_casts_its_own_shadow():
     """High over the floor, a square's shadow of the key light lies beside that of the sky."""
     corners = 0.3 * np.array([[-1, 4, -1], [1, 4, -1], [1, 4, 1], [-1, 4, 1]])
-    camera = Camera(np.array([0.0, 2.5, 5.0]), np.array([0.0, 0.4, 0.0]), 40)
     drawn = PLAIN, (corners, np.tile([0.0, 1.0, 0.0], (4, 1))), FRONT[:, ::-1]
     white, without_red = (
-        picture(drawn, floor=(200, 200, 200), camera=camera, light=Lighting(key=key)).astype(int)
+        picture(drawn, floor=(200, 200, 200), camera=ABOVE, light=Lighting(key=key)).astype(int)
         for key in ((1.0, 1.0, 1.0), (0.0, 1.0, 1.0))
     )
     assert np.array_equal(white[..., 1:], without_red[..., 1:])
@@ -147,30 +110,26 @@ def test_each_colour_of_a_light_casts_its_own_shadow():
 
 def test_a_shadow_begins_at_the_foot_that_casts_it():
     """A low slab on the floor, as low as a paw: the floor beside it, away from the light, is dark."""
-    lit = replace(PLAIN, unlit=False, color=np.ones(4, np.float32))
     corners = np.array(
         [[x, y, z] for y in (0.0, 0.02) for x, z in ((-0.5, -0.1), (0.5, -0.1), (0.5, 0.1), (-0.5, 0.1))]
     )
     faces = np.array([[4, 6, 5], [4, 7, 6], [0, 5, 1], [0, 4, 5], [3, 2, 6], [3, 6, 7], [1, 6, 2], [1, 5, 6]])
-    lit = replace(lit, uv=np.zeros((8, 2), np.float32))
+    lit = replace(PLAIN, unlit=False, color=np.ones(4, np.float32), uv=np.zeros((8, 2), np.float32))
     camera = Camera(np.array([0.0, 1.2, -0.3]), np.array([0.0, 0.0, -0.1]), 20)  # from above
     normals = np.tile([0.0, 1.0, 0.0], (8, 1))
     floor = (217, 217, 217)
     darker = picture(floor=floor, camera=camera).astype(int) - picture(
         (lit, (corners, normals), faces), floor=floor, camera=camera
     )
-    away = np.array([[0.0, 0.0, z, 1.0] for z in (-0.105, 0.3)]) @ camera.matrix(SIZE).astype(float)
-    (column, row), (far_column, far_row) = np.floor((away[:, :2] / away[:, 3:] / 2 + 0.5) * SIZE).astype(int)
+    away = in_picture(camera, [[0.0, 0.0, z] for z in (-0.105, 0.3)], SIZE)
+    (column, row), (far_column, far_row) = np.floor(away * SIZE).astype(int)
     assert darker[row, column, 0] > 30
     assert abs(darker[far_row, far_column, 0]) < 8
 
 
 def test_a_floor_without_a_colour_shows_shadows_only():
-    camera = Camera(np.array([0.0, 2.5, 5.0]), np.array([0.0, 0.4, 0.0]), 40)
     behind = (200, 220, 240)
-    corners, _ = square(0.8)
-    normals = np.tile([0.0, 0.0, 1.0], (4, 1))
-    pixels = picture((PLAIN, (corners, normals), FRONT), shadows=True, camera=camera, background=behind)
+    pixels = picture((PLAIN, square(0.8), FRONT), shadows=True, camera=ABOVE, background=behind)
     assert pixels[5, 5].tolist() == list(behind)
     floor = ~(pixels[..., 0] > 250)
     assert ((pixels.sum(axis=2) < sum(behind) - 60) & floor).sum() > 100
@@ -212,8 +171,8 @@ def test_each_sample_shows_the_triangle_that_its_ray_meets_first(two_sided, samp
     corners[:30] = corners[:30, :1] + 0.1 * (corners[:30] - corners[:30, :1])
     triangles = np.arange(180).reshape(60, 3)
     colors = np.random.default_rng(1).uniform(size=(60, 4)).astype(np.float32).repeat(3, axis=0)
-    material = replace(PLAIN, vertex_colors=colors, uv=np.zeros((180, 2), np.float32), two_sided=two_sided)
-    material = replace(material, color=np.ones(4))
+    uv = np.zeros((180, 2), np.float32)
+    material = replace(PLAIN, color=np.ones(4), vertex_colors=colors, uv=uv, two_sided=two_sided)
     normals = np.tile([0.0, 0.0, 1.0], (180, 1))
     pixels = picture((material, (corners.reshape(-1, 3), normals), triangles), samples=samples)
     shown = seen_by_rays(CAMERA, corners, two_sided, PLACES[samples])
@@ -255,8 +214,7 @@ def test_the_floor_is_where_the_camera_projects_it():
     pixels = Renderer(SIZE).draw(camera, STAGE, geometry_of([]), [], around)
     side = 1.6 * STAGE.size / 2  # of the white part of the tile
     corners = np.array([[0, 0, 0], [side, 0, 0], [side, 0, side], [0, 0, side]])
-    seen = np.column_stack([corners, np.ones(4)]) @ camera.matrix(SIZE).astype(float)
-    seen = (seen[:, :2] / seen[:, 3:] / 2 + 0.5) * SIZE
+    seen = in_picture(camera, corners, SIZE) * SIZE
     middle = seen.mean(axis=0)
     for share, expected in ((0.9, 255), (1.1, 0)):
         for column, row in np.floor(middle + share * (seen - middle)).astype(int):

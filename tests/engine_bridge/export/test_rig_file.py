@@ -58,12 +58,15 @@ def test_a_file_with_a_skin_keeps_it_unless_a_new_one_or_a_t_pose_is_asked_for(r
     for new in (RigSettings(keep_skin=False), RigSettings(pose="t")):
         made = write_rig(path, tmp_path / "new.glb", new)
         assert (made.kept, made.rms is None) == (False, False)
+        shown = [load_character(each).vertices for each in (path, tmp_path / "new.glb")]
+        assert np.allclose(*shown, atol=1e-5) == (new.pose == "rest")
 
 
-def test_joints_of_a_kept_skin_are_renamed_where_the_limbs_are(rigged, tmp_path):
-    renamed = write_rig(rigged[0], tmp_path / "godot.glb", RigSettings(names="godot"))
+@pytest.mark.parametrize("keep_skin", [True, False])
+def test_joints_are_renamed_where_the_limbs_are(rigged, tmp_path, keep_skin):
+    renamed = write_rig(rigged[0], tmp_path / "godot.glb", RigSettings(names="godot", keep_skin=keep_skin))
     assert {"Hips", "LeftUpperArm", "LeftLowerArm", "RightUpperLeg", "RightLowerLeg"} <= set(renamed.joints)
-    assert "hump" in renamed.joints
+    assert ("hump" in renamed.joints) == keep_skin  # a handle
 
 
 def damaged(shape):

@@ -3,8 +3,9 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from engine_bridge.performance.exercise import random_poses
-from engine_bridge.rigging.made_rig import made_rig, make_rig, with_handles
+from engine_bridge.rigging.made_rig import _opposite, made_rig, make_rig, with_handles
 from engine_bridge.rigging.surface_distance import distances
+from solver.motion.limbs import parents_first
 from solver.skinning.weights import Weights, as_matrix
 
 
@@ -31,6 +32,16 @@ def test_weights_are_near_the_reduced_models_surface_in_other_poses(made, limbed
     assert rms < 0.01
     assert error < 0.1
     assert rms == pytest.approx(made.rms, rel=0.3)
+    shares = as_matrix(made.weights, len(made.skeleton.joints)).toarray()
+    shoulder = shares[:, made.skeleton.names.index("leftShoulder")]
+    assert shoulder[limbed_figure.mesh.vertices[:, 0] < 0].sum() < 0.2 * shoulder.sum()
+
+
+def test_bones_on_the_left_and_on_the_right_are_opposite_to_each_other(limbed_figure):
+    names = [(limb.name, k) for limb in parents_first(limbed_figure.puppet.limbs) for k in range(len(limb.points) - 1)]
+    other = {"left": "right", "right": "left"}
+    expected = [(" ".join(other.get(word, word) for word in name.split()), k) for name, k in names]
+    assert [names[row] for row in _opposite(limbed_figure, len(names) + 1)[:-1]] == expected
 
 
 def test_rigs_are_the_same_each_time_and_made_once_for_clips(made, limbed_figure):

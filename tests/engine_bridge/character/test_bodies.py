@@ -62,9 +62,9 @@ def test_joints_that_no_scene_shows_hold_a_skin_together(glb, tmp_path, is_circl
         glb.file.nodes[joints[1]].children = [joints[0]]
     glb.file.skins = [gltf.Skin(joints=joints[::-1])]
     places = np.array([[x + a, b, 0] for x in (0, 3) for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))], np.float32)
-    primitive = glb.primitive(places, np.array([[0, 2, 1], [0, 3, 2], [4, 6, 5], [4, 7, 6]], np.uint32))
-    primitive.attributes.JOINTS_0 = glb.add(np.zeros((8, 4), np.uint8))
-    primitive.attributes.WEIGHTS_0 = glb.add(np.eye(4, dtype=np.float32)[[0] * 8])
+    faces = np.array([[0, 2, 1], [0, 3, 2], [4, 6, 5], [4, 7, 6]], np.uint32)
+    follows = {"JOINTS_0": np.zeros((8, 4), np.uint8), "WEIGHTS_0": np.eye(4, dtype=np.float32)[[0] * 8]}
+    primitive = glb.primitive(places, faces, **follows)
     glb.file.scenes[0].nodes = [glb.node(glb.mesh(primitive), skin=0)]
     assert_array_equal(bodies_of(load_character(glb.save(tmp_path / "skinned.glb"))), np.ones(8))
 

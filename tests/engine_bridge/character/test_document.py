@@ -28,19 +28,16 @@ def test_saving_to_a_folder_that_is_not_there_is_an_output_error(tmp_path):
 
 def sparse(base, rows, values, count=5):
     """A document with one sparse accessor."""
-    raw = base.tobytes() + rows.tobytes() + values.tobytes()
-    starts = np.cumsum([0, base.nbytes, rows.nbytes]).tolist()
-    accessor = {"componentType": 5126, "count": count, "type": "VEC3"} | ({"bufferView": 0} if base.size else {})
+    document = Document(schema.empty())
+    first, second, third = (document.add_view(array.tobytes()) for array in (base, rows, values))
+    accessor = {"componentType": 5126, "count": count, "type": "VEC3"} | ({"bufferView": first} if base.size else {})
     accessor["sparse"] = {
         "count": len(rows),
-        "indices": {"bufferView": 1, "componentType": {1: 5121, 2: 5123, 4: 5125}[rows.itemsize]},
-        "values": {"bufferView": 2},
+        "indices": {"bufferView": second, "componentType": {1: 5121, 2: 5123, 4: 5125}[rows.itemsize]},
+        "values": {"bufferView": third},
     }
-    views = [
-        {"buffer": 0, "byteOffset": start, "byteLength": max(array.nbytes, 1)}
-        for start, array in zip(starts, (base, rows, values), strict=True)
-    ]
-    return Document(schema.empty() | {"bufferViews": views, "accessors": [accessor]}, raw)
+    document.gltf["accessors"] = [accessor]
+    return document
 
 
 @pytest.mark.parametrize("kind", ["u1", "u2", "u4"])

@@ -8,7 +8,6 @@ from engine_bridge.character.document_reader import DRACO, load_document
 from engine_bridge.character.draco import decode
 from engine_bridge.character.schema import empty
 from puppetline.errors import MeshError
-from tests.fuzz.corpus import pack
 
 from ..refusals import refused
 
@@ -49,8 +48,7 @@ def packed(tmp_path):
         document.gltf["meshes"] = [{"primitives": primitives}]
         document.gltf["nodes"], document.gltf["scenes"] = [{"mesh": 0}], [{"nodes": [0]}]
         document.gltf["extensionsUsed"] = document.gltf["extensionsRequired"] = [DRACO]
-        document.gltf["buffers"] = [{"byteLength": len(document.blob)}]
-        (tmp_path / "packed.glb").write_bytes(pack(document.gltf, bytes(document.blob)))
+        document.save(tmp_path / "packed.glb")
         return tmp_path / "packed.glb"
 
     return write

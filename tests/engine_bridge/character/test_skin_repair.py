@@ -77,10 +77,9 @@ def test_vertices_of_blender_s_neutral_bone_follow_the_nearest_ones_of_the_mesh(
     glb.file.skins = [gltf.Skin(joints=nodes)]
     primitives = []
     for shift, joints in ((0, [0, 0, 2, 1, 1, 1]), (0.1, [2] * 6)):
-        primitive = glb.primitive(PLACES + np.float32(shift), FACES)
-        primitive.attributes.JOINTS_0 = glb.add(np.pad(np.array(joints, np.uint8)[:, None], ((0, 0), (0, 3))))
-        primitive.attributes.WEIGHTS_0 = glb.add(np.eye(1, 4, dtype=np.float32).repeat(6, axis=0))
-        primitives.append(primitive)
+        follows = np.pad(np.array(joints, np.uint8)[:, None], ((0, 0), (0, 3)))
+        weights = np.eye(1, 4, dtype=np.float32).repeat(6, axis=0)
+        primitives.append(glb.primitive(PLACES + np.float32(shift), FACES, JOINTS_0=follows, WEIGHTS_0=weights))
     glb.node(glb.mesh(*primitives), skin=0)
     character = load_character(glb.save(tmp_path / "bridle.glb"))
     for part in character.parts:

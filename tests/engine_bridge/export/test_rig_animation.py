@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from engine_bridge.character.character import from_document, load_character
 from engine_bridge.character.document_reader import load_document
-from engine_bridge.character.scene import influences, world_transforms
+from engine_bridge.character.scene import world_transforms
 from engine_bridge.export import rig_animation
 from engine_bridge.export.animation import Keyframes
 from engine_bridge.export.convert import convert, describe
@@ -17,6 +17,7 @@ from engine_bridge.performance.settings import Settings
 from engine_bridge.puppet import proposal, puppet_file
 from engine_bridge.puppet.puppet import SolverTable
 from engine_bridge.puppet.rig_bones import rig_bones
+from engine_bridge.puppet.skin_joints import vertex_influences
 from puppetline.errors import MeshError
 from solver.motion.limbs import bones_of
 
@@ -123,27 +124,14 @@ def keys_of(document, animation=0):
     }
 
 
-def followed_nodes(character, part):
-    """Return the nodes (V, k) that a part's vertices follow, and their shares."""
-    document, count = character.document, len(part.vertices)
-    node = document.gltf["nodes"][part.node]
-    if "skin" not in node:
-        return np.full((count, 1), part.node), np.ones((count, 1))
-    primitive = document.gltf["meshes"][node["mesh"]]["primitives"][part.primitive]
-    which, share = influences(document, primitive, node["skin"], count)
-    return np.array(document.gltf["skins"][node["skin"]]["joints"])[which], share
-
-
 def blended(character, bones, motions, root=None):
     """Positions (F, N, 3) of all vertices by linear blend skinning of the motions."""
     shares = bones.of_nodes(character)
     of_node = np.where(shares.any(axis=1), shares.argmax(axis=1), -1)
-    shown = []
-    for part in character.parts:
-        nodes, share = followed_nodes(character, part)
-        blend = np.einsum("nk,fnkrx->fnrx", share, motions[:, of_node[nodes]])
-        shown.append(np.einsum("nr,fnrx->fnx", np.pad(part.vertices, [(0, 0), (0, 1)], constant_values=1), blend))
-    return np.concatenate(shown, axis=1) + (0 if root is None else np.asarray(root)[:, None])
+    nodes, share = vertex_influences(character)
+    blend = np.einsum("nk,fnkrx->fnrx", share, motions[:, of_node[nodes]])
+    shown = np.einsum("nr,fnrx->fnx", np.pad(character.vertices, [(0, 0), (0, 1)], constant_values=1), blend)
+    return shown + (0 if root is None else np.asarray(root)[:, None])
 
 
 ABOVE = {

@@ -65,12 +65,6 @@ def test_a_camera_that_follows_stays_nearer_and_moves_smoothly():
     assert ((shown > 0) & (shown < 1)).all()
 
 
-def test_cameras_cut_at_their_times_and_show_whom_they_are_for():
-    shots = Shots((CameraTable(show=("a",)), CameraTable(at=1.0, show=("b",))), BOTH, 30, SIZE)
-    assert [camera(shots, frame).target[0] for frame in (29, 30)] == pytest.approx([-3, 3], abs=0.3)
-    assert (camera(shots, 30).eye == camera(shots, 59).eye).all()
-
-
 def test_a_cross_fade_mixes_both_cameras():
     shots = Shots((CameraTable(show=("a",)), CameraTable(at=1.0, show=("b",), fade=0.3)), BOTH, 30, SIZE)
     shares = [[view.share for view in shots.views(frame)] for frame in range(29, 41)]

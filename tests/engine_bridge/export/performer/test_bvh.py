@@ -41,16 +41,6 @@ def test_joint_positions_are_equal_when_the_file_is_read_back(path, places):
         assert_allclose(found / UNITS_PER_METRE, places[name], rtol=0, atol=METRES)
 
 
-def test_the_zero_pose_is_the_t_pose(path, motion):
-    nodes, values, _, _ = parse(path, None)
-    zero = np.zeros_like(values[:1])
-    zero[0, 1] = UNITS_PER_METRE * motion.body.pose[0, 1]
-    positions = motion_of(nodes, zero).positions
-    rows = {node.name: found[0] / UNITS_PER_METRE for node, found in zip(nodes, positions, strict=True) if node.name}
-    for name, head in zip(motion.body.skeleton.names, motion.body.skeleton.heads, strict=True):
-        assert_allclose(rows[name], head, rtol=0, atol=METRES)
-
-
 def test_angles_do_not_jump(path):
     _, values, _, _ = parse(path, None)
     assert np.abs(np.diff(values[:, 3:], axis=0)).max() < 180

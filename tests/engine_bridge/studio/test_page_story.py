@@ -126,25 +126,6 @@ def take(window):
     window.idle()
 
 
-def test_joints_are_drawn_over_the_picture_of_the_camera(studio, browser, window):
-    opened = studio.open(browser)
-    opened.button("Show what the sensor sees").click()
-    picture = opened.page.locator(".sensor img")
-    picture.wait_for()
-    size = "each => Object.assign(new Image(), { src: each.src })"  # a copy: the page soon shows the next picture
-    size += ".decode().then(() => [each.naturalWidth, each.naturalHeight])"
-    assert picture.evaluate(size) == [640, 480]
-    # a joint that leaves the picture is not drawn for that time
-    drawn = "['circle', 'line'].map((each) => document.querySelectorAll(`.sensor ${each}`).length)"
-    opened.until(f"String({drawn}) === '20,19'")
-    frame, head = picture.bounding_box(), opened.page.locator(".sensor circle").nth(3).bounding_box()
-    assert frame["x"] < head["x"] < frame["x"] + frame["width"]
-    assert frame["y"] < head["y"] < frame["y"] + frame["height"] / 2
-    first = opened.state("look.picture")
-    opened.until(f"state.look?.picture && state.look.picture !== {first!r}")
-    opened.close()
-
-
 def test_the_film_is_that_of_the_scene_file_with_both_takes_and_their_sounds(studio, film, tmp_path):
     path = studio.folder / "film.toml"
     production = produce(path, scenes.load(path), quiet)

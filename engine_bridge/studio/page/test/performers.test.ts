@@ -119,12 +119,14 @@ test("performers in view are told, chosen, and calibrated", async () => {
 });
 
 test("what the sensor sees is shown with its joints and problems, again and again until it is hidden", async () => {
-  const joints = [...new Array<null>(19).fill(null), [0.25, 0.5]];
+  const joints = [...new Array<null>(18).fill(null), [0.5, 0.75], [0.25, 0.5]];
   const seen = { picture: "/9j/", width: 640, height: 480, problems: [], performers: [{ user: 1, text: "user 1: well", joints }] };
   const page = await Page.open((server) => server.on("look", () => seen));
   await page.button("Show what the sensor sees").click();
-  const [point] = page.every("circle").filter((each) => each.is("cx") !== undefined);
-  assert.deepEqual([point?.is("cx"), point?.is("cy")], [160, 240]);
+  const drawn = (tag: string, ...names: string[]): unknown[][] =>
+    page.every(tag).map((each) => names.map((name) => each.is(name))).filter(([first]) => first !== undefined);
+  assert.deepEqual(drawn("circle", "cx", "cy").slice(0, 2), [[320, 360], [160, 240]]);
+  assert.deepEqual(drawn("line", "x1", "y1", "x2", "y2")[0], [320, 360, 160, 240]);
   assert.equal(page.every("img")[0]?.is("src"), "data:image/jpeg;base64,/9j/");
   for (const text of ["user 1: well", "No problems found."]) assert.ok(page.text.includes(text));
   page.server.on("look", () => ({ ...seen, picture: "", problems: [{ level: "warning", text: "It is dark.", fix: "Switch on a light." }] }));

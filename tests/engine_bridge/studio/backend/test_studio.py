@@ -4,7 +4,6 @@ import asyncio
 import copy
 import json
 import shutil
-from types import SimpleNamespace
 
 import numpy as np
 import psutil
@@ -16,10 +15,6 @@ from capture.sound import SAMPLE_RATE, WavWriter
 from engine_bridge.export.shader_mesh import write_shader_mesh
 from engine_bridge.puppet import puppet_file
 from engine_bridge.service.protocol.header import NAME
-from engine_bridge.studio.backend.studio import Studio
-from engine_bridge.studio.messages.performers import Source
-from engine_bridge.studio.project.workspace import Workspace
-from puppetline.errors import ServiceError
 
 from ..conftest import connected, received
 
@@ -306,14 +301,3 @@ def test_what_cannot_be_served_or_opened_is_refused_before_the_start(commands, t
         assert done.returncode == 1
         assert found in done.stderr
         assert not (tmp_path / "studio").exists()
-
-
-@pytest.mark.parametrize("part", [{"start": 1.0}, {"stop": 2.0}])
-def test_a_part_of_a_video_is_refused(tmp_path, part):
-    workspace = Workspace(tmp_path / "studio")
-    path = workspace.folder / "uploads" / "1" / "dance.mp4"
-    upload = workspace.keep("dance.mp4", path, "video", {})
-    asked = Source.model_validate({"id": 0, "do": "source", "upload": upload.id, **part})
-    with pytest.raises(ServiceError) as error:
-        asyncio.run(Studio._chosen(SimpleNamespace(workspace=workspace), asked))
-    assert error.value.parts["found"] == "start or stop with a video"

@@ -22,8 +22,8 @@ CODE = "K7M2QX"
 
 @pytest.fixture
 def kiosk(tmp_path):
-    """A kiosk with one film, and the take of another visitor."""
-    for name in (f"{CODE}.mp4", f"{CODE}.jpg", f"{CODE}.gif", f"{CODE}.log", "ABCDEF.log"):
+    """A kiosk with one film, and the take and a part of the film of another visitor."""
+    for name in (f"{CODE}.mp4", f"{CODE}.jpg", f"{CODE}.gif", f"{CODE}.log", "ABCDEF.log", "ABCDEF.gif"):
         (tmp_path / name).write_bytes(name.encode())
     return VisitorsKiosk(KioskTable(phone_address="https://films.example"), tmp_path, tmp_path, {})
 
@@ -43,10 +43,11 @@ def replies(app, *paths):
 
 
 def test_the_page_of_a_code_plays_and_saves_its_film_and_nothing_else_can_be_reached(kiosk):
-    known, unknown, form, typed, wrong, film, *others = replies(
+    known, unknown, form, typed, wrong, film, saved, *others = replies(
         make_phone_app(kiosk),
-        *(f"/{CODE}", "/ABCDEF", "/", "/?code=k7m%202qx", "/?code=%22%3E%3Cb%3E", f"/{CODE}.mp4"),
-        *(f"/{CODE}.log", f"/..%2f{CODE}.mp4", "/kiosk", "/screen", "/api", "/files/x", "/..%2fkiosk.toml"),
+        *(f"/{CODE}", "/ABCDEF", "/", "/?code=k7m%202qx", "/?code=%22%3E%3Cb%3E", f"/{CODE}.mp4", f"/{CODE}.gif?save"),
+        *(f"/{CODE}.log", f"/{CODE.lower()}.gif", "/ABCDEF.gif", f"/..%2f{CODE}.mp4"),
+        *("/kiosk", "/screen", "/api", "/files/x", "/..%2fkiosk.toml"),
     )
     assert (known[0], unknown[0], form[0], typed[0], wrong[0]) == (200, 404, 200, 303, 200)
     video = f'<video src="/{CODE}.mp4" poster="/{CODE}.jpg"'
@@ -58,6 +59,9 @@ def test_the_page_of_a_code_plays_and_saves_its_film_and_nothing_else_can_be_rea
     assert all("alert" in each[2] for each in (unknown, wrong))
     assert "<b>" not in wrong[2]
     assert (film[0], film[2], film[1]["Content-Type"]) == (200, f"{CODE}.mp4", "video/mp4")
+    assert "Content-Disposition" not in film[1]
+    assert saved[2] == f"{CODE}.gif"
+    assert saved[1]["Content-Disposition"] == f"attachment; filename=film-{CODE}.gif"
     assert {status for status, _, _ in others} == {404}
     assert "img-src 'self' data:" in known[1]["Content-Security-Policy"]
     policies = [headers["Content-Security-Policy"] for _, headers, _ in (known, *others)]

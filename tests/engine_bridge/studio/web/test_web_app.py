@@ -113,6 +113,8 @@ def test_sounds_and_pictures_become_files_of_the_film_under_names_of_their_own_a
     assert studio.error("edit_film", takes=[], scene={"music": {"file": "media/../token"}})["where"] == "the request"
     _, video = studio.upload("dance.MP4", b"x")
     assert [(each["upload"], each["kind"]) for each in studio.state["uploads"]] == [(video["upload"], "video")]
+    for part in ({"start": 1.0}, {"stop": 2.0}):
+        assert studio.error("source", upload=video["upload"], **part)["found"] == "start or stop with a video"
     studio.result("delete_upload", upload=video["upload"])
 
 

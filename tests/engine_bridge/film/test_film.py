@@ -10,7 +10,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from engine_bridge.character import own_targets
 from engine_bridge.film import drawing
 from engine_bridge.film import film as films
-from engine_bridge.film.drawing import Canvas
 from engine_bridge.film.film import make_video
 from engine_bridge.film.production import produce
 from engine_bridge.film.scene import SceneError, load
@@ -95,24 +94,6 @@ def test_every_frame_of_the_longest_take_is_in_the_video_and_every_second_one_in
     frames, _, _ = read_video(tmp_path / "film.gif")
     assert (gif.fps, len(frames)) == (10, FRAMES // 2 + 1)
     assert np.abs(frames[3].astype(int) - film[6]).mean() < 6
-
-
-@pytest.mark.slow
-def test_a_part_shows_the_same_frames_as_the_whole_film(write_scene, tmp_path, monkeypatch):
-    monkeypatch.setattr(drawing, "processor_count", lambda: 1)
-    shown = []
-    look, draw = films._Frames.__getitem__, Canvas.draw
-    monkeypatch.setattr(films._Frames, "__getitem__", lambda frames, frame: (frame, look(frames, frame)))
-    monkeypatch.setattr(
-        Canvas, "draw", lambda canvas, frame: shown.append((frame[0], draw(canvas, frame[1]))) or shown[-1][1]
-    )
-    path = write_scene(SCENE + '[[title]]\ntext = "a"\n[[camera]]\nshot = "follow"\n[[camera]]\nat = 1\nshow = ["b"]\n')
-    make_video(path, tmp_path / "whole.mp4", 0, None, False, quiet)
-    whole, shown[:] = dict(shown), []
-    make_video(path, tmp_path / "part.mp4", 0.9, 1.2, False, quiet)
-    assert [frame for frame, _ in shown] == list(range(18, 24))
-    for frame, pixels in shown:
-        assert_array_equal(pixels[..., :3], whole[frame][..., :3])
 
 
 @pytest.mark.parametrize(("ending", "start"), [("mp4", 0.5), ("webm", 0.0)])

@@ -24,6 +24,7 @@ CHAINS = {
     "right arm": ("shoulder_right", "elbow_right", "wrist_right", "hand_right"),
     "left leg": ("hip_left", "knee_left", "ankle_left", "foot_left"),
     "right leg": ("hip_right", "knee_right", "ankle_right", "foot_right"),
+    "tail": ("hip_center", "ankle_left"),
 }
 NAMES = {
     "trunk": "Hips Spine",

@@ -1,5 +1,6 @@
 """A small character, a performer, a take and a puppet, all made here."""
 
+import io
 import wave
 from dataclasses import dataclass
 
@@ -145,6 +146,13 @@ class Shape:
     @property
     def diagonal(self):
         return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
+
+
+def encoded(picture, kind="PNG"):
+    """Return the file of a picture."""
+    file = io.BytesIO()
+    picture.save(file, kind)
+    return file.getvalue()
 
 
 def distance_to_limb(points, start, end, radius):

@@ -1,7 +1,6 @@
 """Small character files that together contain everything that the readers support, and functions that build them."""
 
 import base64
-import io
 import json
 import re
 import struct
@@ -11,7 +10,7 @@ import pygltflib as gltf
 import trimesh
 from PIL import Image
 
-from ..engine_bridge.conftest import Glb
+from ..engine_bridge.conftest import Glb, encoded
 
 RAW_JSON = "\ue000"
 """Prefix of a string that `text_of` writes without quotes."""
@@ -51,9 +50,7 @@ def text_of(gltf):
 
 def picture(kind="PNG"):
     """Return the file of a small picture."""
-    file = io.BytesIO()
-    Image.fromarray((np.indices((8, 8)).sum(0) % 2 * 255).astype(np.uint8)).save(file, kind)
-    return file.getvalue()
+    return encoded(Image.fromarray((np.indices((8, 8)).sum(0) % 2 * 255).astype(np.uint8)), kind)
 
 
 def textured():

@@ -1,7 +1,5 @@
 """Materials of parts: colours, textures, opacity, and what a file leaves open."""
 
-import io
-
 import igl
 import numpy as np
 import pygltflib as gltf
@@ -12,6 +10,7 @@ from PIL import Image
 from engine_bridge.character.character import load_character
 from engine_bridge.character.materials import drawn_normals, materials_of, preview_colors
 
+from ..conftest import encoded
 from .conftest import CORNERS, SIDES
 
 
@@ -71,12 +70,6 @@ def test_an_image_without_texture_coordinates_leaves_the_colour(material):
 
 MIDDLES = np.array([[0.25, 0.25], [0.75, 0.25], [0.25, 0.75], [1.75, -0.25]], np.float32)
 """The middles of 2 × 2 pixels, the last one in another repetition of the image."""
-
-
-def encoded(picture, kind="PNG"):
-    file = io.BytesIO()
-    picture.save(file, kind)
-    return file.getvalue()
 
 
 TINT = np.array([0.5, 0.2, 1])

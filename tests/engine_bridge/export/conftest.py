@@ -1,6 +1,5 @@
 """One figure in many variants of glTF files."""
 
-import io
 from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
@@ -17,6 +16,8 @@ from engine_bridge.export.convert import Summary, convert
 from engine_bridge.performance.clip import Clip
 from engine_bridge.performance.settings import Settings
 from solver.model.reduced_model import position_matrix
+
+from ..conftest import encoded
 
 
 @dataclass(frozen=True)
@@ -46,9 +47,8 @@ def add_animation(glb, name, node, path, times, values, pointer=None):
 
 
 def textured(glb, shape):
-    png = io.BytesIO()
-    Image.fromarray((np.indices((8, 8)).sum(0) % 2 * 255).astype(np.uint8)).save(png, "PNG")
-    glb.file.images = [gltf.Image(bufferView=glb.view(png.getvalue()), mimeType="image/png", name="squares")]
+    png = encoded(Image.fromarray((np.indices((8, 8)).sum(0) % 2 * 255).astype(np.uint8)))
+    glb.file.images = [gltf.Image(bufferView=glb.view(png), mimeType="image/png", name="squares")]
     glb.file.samplers = [gltf.Sampler(magFilter=9728)]
     glb.file.textures = [gltf.Texture(source=0, sampler=0)]
     surface = gltf.PbrMetallicRoughness(baseColorTexture=gltf.TextureInfo(index=0), roughnessFactor=0.3)

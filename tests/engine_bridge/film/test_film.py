@@ -11,8 +11,7 @@ from engine_bridge.character import own_targets
 from engine_bridge.film import drawing
 from engine_bridge.film import film as films
 from engine_bridge.film.film import make_video
-from engine_bridge.film.production import produce
-from engine_bridge.film.scene import SceneError, load
+from engine_bridge.film.scene import SceneError
 from engine_bridge.film.sound import SAMPLE_RATE
 from engine_bridge.film.video import VideoWriter
 from puppetline.errors import OutputError
@@ -115,11 +114,8 @@ def test_a_clap_is_heard_when_it_is_seen(write_scene, write_wav, tmp_path, endin
     assert heard == pytest.approx(1.25 - start, abs=0.01)
 
 
-def test_a_character_is_drawn_where_its_take_has_it_with_its_mouth_open_when_it_speaks(
-    write_scene, talking, monkeypatch
-):
-    path = write_scene(SCENE.replace("LIMBED", str(talking(False))))
-    actor = produce(path, load(path), quiet).actors[0]
+def test_a_character_is_drawn_where_its_take_has_it_with_its_mouth_open_when_it_speaks(produced, talking, monkeypatch):
+    actor = produced(SCENE.replace("LIMBED", str(talking(False)))).actors[0]
     pose = actor.pose(0)
     surface, shown = films._Surface(actor), []
     for frame in (0, 20):

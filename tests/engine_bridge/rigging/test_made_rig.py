@@ -38,10 +38,10 @@ def test_weights_are_near_the_reduced_models_surface_in_other_poses(made, limbed
 
 
 def test_bones_on_the_left_and_on_the_right_are_opposite_to_each_other(limbed_figure):
-    names = [(limb.name, k) for limb in parents_first(limbed_figure.puppet.limbs) for k in range(len(limb.points) - 1)]
-    other = {"left": "right", "right": "left"}
-    expected = [(" ".join(other.get(word, word) for word in name.split()), k) for name, k in names]
-    assert [names[row] for row in _opposite(limbed_figure, len(names) + 1)[:-1]] == expected
+    limbs, other = parents_first(limbed_figure.puppet.limbs), {"left": "right", "right": "left"}
+    names = [[*limb.name.split(), k] for limb in limbs for k in range(len(limb.points) - 1)]
+    opposite = [names[row] for row in _opposite(limbed_figure, len(names) + 1)[:-1]]
+    assert opposite == [[other.get(word, word) for word in name] for name in names]
 
 
 def test_rigs_are_the_same_each_time_and_made_once_for_clips(made, limbed_figure):

@@ -1,5 +1,3 @@
-import io
-
 import numpy as np
 import pytest
 import trimesh
@@ -10,6 +8,7 @@ from engine_bridge.character.surfaces import obj
 from engine_bridge.character.surfaces.surface import DEFAULT_MATERIAL, Piece, linear
 from puppetline.errors import MeshError
 
+from ...conftest import encoded
 from ...refusals import refused, refused_place
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
@@ -142,9 +141,7 @@ def test_isolated_vertices_are_kept_once_where_there_are_several_groups(read):
 
 
 def test_a_piece_without_texture_coordinates_has_no_picture(read, written):
-    image = io.BytesIO()
-    Image.new("RGB", (2, 2)).save(image, "PNG")
-    written("skin.png", image.getvalue())
+    written("skin.png", encoded(Image.new("RGB", (2, 2))))
     written("a.mtl", "newmtl a\nmap_Kd skin.png\n")
     surface = read(f"mtllib a.mtl\nvt 0 0\n{SQUARE}usemtl a\no bare\nf 1 2 3\no other\nf 1/1 3/1 4/1\n")
     assert [piece.material.texture and piece.material.texture.name for piece in surface.pieces] == [None, "skin"]

@@ -8,6 +8,8 @@ from PIL import Image, ImageFont
 
 from engine_bridge.film.typeface import FILES, typeface
 
+from ...conftest import encoded
+
 
 def test_the_page_and_its_files_are_sent_with_their_headers(studio):
     for path, content in (("/", b"<!doctype html>"), ("/assets/page.js", b"export")):
@@ -98,9 +100,8 @@ def test_a_broken_upload_is_refused_and_deleted(studio, name, data, found):
 
 
 def test_sounds_and_pictures_become_files_of_the_film_under_names_of_their_own_and_videos_are_kept(studio):
-    image = io.BytesIO()
-    Image.new("RGB", (2, 2)).save(image, "PNG")
-    files = [("../my park.PNG", image.getvalue(), "picture"), ("song.mp3", b"x", "sound"), ("song.mp3", b"y", "sound")]
+    image = encoded(Image.new("RGB", (2, 2)))
+    files = [("../my park.PNG", image, "picture"), ("song.mp3", b"x", "sound"), ("song.mp3", b"y", "sound")]
     replies = []
     for name, data, kind in files:
         status, reply = studio.upload(name, data)

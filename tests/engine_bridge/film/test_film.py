@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from engine_bridge.character import own_targets
 from engine_bridge.film import drawing
 from engine_bridge.film import film as films
+from engine_bridge.film.drawing import Canvas
 from engine_bridge.film.film import make_video
 from engine_bridge.film.scene import SceneError
 from engine_bridge.film.sound import SAMPLE_RATE
@@ -112,6 +113,24 @@ def test_a_clap_is_heard_when_it_is_seen(write_scene, write_wav, tmp_path, endin
     heard = np.flatnonzero(np.abs(sound[:, 0]) > 0.3)[0] / SAMPLE_RATE
     assert seen == pytest.approx(1.25 - start, abs=1e-3)
     assert heard == pytest.approx(1.25 - start, abs=0.01)
+
+
+@pytest.mark.slow
+def test_a_part_shows_the_same_frames_as_the_whole_film(write_scene, tmp_path, monkeypatch):
+    monkeypatch.setattr(drawing, "processor_count", lambda: 1)
+    shown = []
+    look, draw = films._Frames.__getitem__, Canvas.draw
+    monkeypatch.setattr(films._Frames, "__getitem__", lambda frames, frame: (frame, look(frames, frame)))
+    monkeypatch.setattr(
+        Canvas, "draw", lambda canvas, frame: shown.append((frame[0], draw(canvas, frame[1]))) or shown[-1][1]
+    )
+    path = write_scene(SCENE + '[[title]]\ntext = "a"\n[[camera]]\nshot = "follow"\n[[camera]]\nat = 1\nshow = ["b"]\n')
+    make_video(path, tmp_path / "whole.mp4", 0, None, False, quiet)
+    whole, shown[:] = dict(shown), []
+    make_video(path, tmp_path / "part.mp4", 0.9, 1.2, False, quiet)
+    assert [frame for frame, _ in shown] == list(range(18, 24))
+    for frame, pixels in shown:
+        assert_array_equal(pixels[..., :3], whole[frame][..., :3])
 
 
 def test_a_character_is_drawn_where_its_take_has_it_with_its_mouth_open_when_it_speaks(produced, talking, monkeypatch):

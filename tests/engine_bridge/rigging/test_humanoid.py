@@ -128,6 +128,15 @@ def test_arms_held_forwards_and_a_seat_are_known_quaternions(rest, left, right):
     assert_allclose(rotations, list(expected.values()), atol=1e-6)
 
 
+@pytest.mark.parametrize("rest", [T_POSED, A_POSED, HANGING], ids=["T", "A", "hanging"])
+@pytest.mark.parametrize("axes", [{}, {"up": "z", "front": "-y", "scale": 0.01}], ids=["y up", "z up, centimetres"])
+def test_a_performer_in_a_t_pose_turns_no_bone_whatever_the_rest_pose_of_the_character(rest, axes):
+    humanoid, _, rotations, _ = posed(puppet(rest, **axes), T_POSED)
+    assert len(humanoid.names) == 21
+    assert BONES.keys() <= set(humanoid.names)
+    assert_allclose(rotations, np.tile([0, 0, 0, 1], (21, 1)), atol=1e-7)
+
+
 def random_poses(rng, count=20):
     """Bodies in poses that follow each other without jumps."""
     phases, speeds = rng.uniform(0, 6, (2, 5, 3)) * [[[1]], [[0.3]]]

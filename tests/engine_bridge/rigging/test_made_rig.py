@@ -3,9 +3,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from engine_bridge.performance.exercise import random_poses
-from engine_bridge.rigging.made_rig import _opposite, made_rig, make_rig, with_handles
+from engine_bridge.rigging.made_rig import made_rig, make_rig, with_handles
 from engine_bridge.rigging.surface_distance import distances
-from solver.motion.limbs import parents_first
 from solver.skinning.weights import Weights, as_matrix
 
 
@@ -35,13 +34,6 @@ def test_weights_are_near_the_reduced_models_surface_in_other_poses(made, limbed
     shares = as_matrix(made.weights, len(made.skeleton.joints)).toarray()
     shoulder = shares[:, made.skeleton.names.index("leftShoulder")]
     assert shoulder[limbed_figure.mesh.vertices[:, 0] < 0].sum() < 0.2 * shoulder.sum()
-
-
-def test_bones_on_the_left_and_on_the_right_are_opposite_to_each_other(limbed_figure):
-    limbs, other = parents_first(limbed_figure.puppet.limbs), {"left": "right", "right": "left"}
-    names = [[*limb.name.split(), k] for limb in limbs for k in range(len(limb.points) - 1)]
-    opposite = [names[row] for row in _opposite(limbed_figure, len(names) + 1)[:-1]]
-    assert opposite == [[other.get(word, word) for word in name] for name in names]
 
 
 def test_rigs_are_the_same_each_time_and_made_once_for_clips(made, limbed_figure):

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.testing import assert_array_equal
 
+from engine_bridge.puppet.rig_limbs import limbs_of_joints
 from engine_bridge.puppet.skin_joints import Joint
 
 UP, FRONT = np.eye(3)[1:]
@@ -32,6 +33,11 @@ def joints_at(table):
             vertices = NO_VERTICES if name[0] == "~" else np.array(held or [place])
             joints.append(Joint(name.removeprefix("~"), above[-1], place, vertices))
     return joints
+
+
+def points_of(joints):
+    """Return the points of each limb of joints, which may be a table for `joints_at`."""
+    return limbs_of_joints(joints_at(joints) if isinstance(joints, str) else joints).limbs.points
 
 
 def assert_stands(found, up=UP, front=FRONT):

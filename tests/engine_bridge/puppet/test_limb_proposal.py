@@ -23,6 +23,11 @@ def chains(**named):
     return Limbs(tuple(LimbChain(name.replace("_", " "), each) for name, each in places.items()))
 
 
+def tables_of(character=CHARACTER, **named):
+    """Return the tables of limbs, given as for `chains`, by their names."""
+    return {limb.name: limb for limb in limb_tables(chains(**named), character)}
+
+
 UPRIGHT = {
     "trunk": "0 1 0, 0 1.2 0, 0 1.4 0",
     "head": "0 1.4 0, 0 1.7 0",
@@ -35,7 +40,7 @@ UPRIGHT = {
 
 def test_joints_at_the_same_place_are_one_point_and_a_limb_at_one_place_is_none():
     together = {"trunk": "0 1 0, 0 1.4 0, 0 1.4 0", "head": "0 1.4 0, 0 1.4 0"}
-    tables = {limb.name: limb for limb in limb_tables(chains(**UPRIGHT | together), CHARACTER)}
+    tables = tables_of(**UPRIGHT | together)
     assert tables.keys() == PERSON.keys() - {"head"}
     assert tables["trunk"].points == ((0, 1, 0), (0, 1.4, 0))
     assert tables["trunk"].driven_by == (("hip_center",), ("shoulder_center",))
@@ -47,12 +52,12 @@ def test_the_voice_opens_a_jaw_downwards():
         name: [(-z, x, y) for x, y, z in points(text)]
         for name, text in (UPRIGHT | {"head": "0 1.4 0, 0 1.5 0.3", "jaw": "0 1.45 0.1, 0 1.45 0.3"}).items()
     }
-    tables = limb_tables(chains(**turned), CharacterTable(mesh="a", up="z", front="-x"))
-    (jaw,) = [limb for limb in tables if limb.name == "jaw"]
+    tables = tables_of(CharacterTable(mesh="a", up="z", front="-x"), **turned)
+    jaw = tables.pop("jaw")
     assert (jaw.bend.channel, jaw.bend.degrees) == ("voice", 20)
     tip = np.subtract(jaw.points[1], jaw.points[0])
     assert Rotation.from_rotvec(jaw.bend.turn).apply(tip) @ [0, 0, 1] < -0.05
-    assert all(limb.bend is None for limb in tables if limb is not jaw)
+    assert all(limb.bend is None for limb in tables.values())
 
 
 def stubs(shin):
@@ -79,13 +84,12 @@ def stubs(shin):
     ids=["lying", "looking forward", "ponytail", "chin", "crouching", "stubs forward", "stubs down", "sitting"],
 )
 def test_limbs_that_point_unlike_the_performers_follow_by_turn(changed, turning):
-    tables = limb_tables(chains(**{**UPRIGHT, **changed}), CHARACTER)
-    assert {limb.name for limb in tables if limb.follow == "turn"} == turning
+    assert {name for name, limb in tables_of(**UPRIGHT | changed).items() if limb.follow == "turn"} == turning
 
 
 def test_arms_drive_front_legs_and_wings_and_the_head_drives_neck_and_tail():
     leg = points("0.2 1 0, 0.2 0.5 0, 0.2 0.1 0, 0.2 0 0.1")
-    limbs = chains(
+    tables = tables_of(
         trunk="0 1 -1, 0 1 0, 0 1 1",
         neck="0 1 1, 0 1.2 1.2, 0 1.4 1.4",
         head="0 1.4 1.4, 0 1.4 1.8",
@@ -95,7 +99,6 @@ def test_arms_drive_front_legs_and_wings_and_the_head_drives_neck_and_tail():
         left_ear=[(0.1, y, 1.5) for y in (1.5, 1.6, 1.7)],
         tail="0 1 -1, 0 1 -1.2, 0 1 -1.4, 0 1 -1.6",
     )
-    tables = {limb.name: limb for limb in limb_tables(limbs, CHARACTER)}
     assert {limb.follow for limb in tables.values()} == {"turn"}
     assert tables["left front leg"].driven_by == tables["left wing"].driven_by == ARM
     assert tables["left hind leg"].driven_by == LEG
@@ -109,16 +112,23 @@ def test_arms_drive_front_legs_and_wings_and_the_head_drives_neck_and_tail():
 
 
 def test_a_trunk_and_a_head_alone_are_no_limbs_and_an_ear_on_a_head_that_points_is_none():
-    assert limb_tables(chains(trunk=UPRIGHT["trunk"], head=UPRIGHT["head"]), CHARACTER) == []
-    tables = limb_tables(chains(**UPRIGHT, left_ear=[(0.1, y, 0) for y in (1.7, 1.8, 1.9)]), CHARACTER)
-    assert "left ear" not in [limb.name for limb in tables]
+    assert tables_of(trunk=UPRIGHT["trunk"], head=UPRIGHT["head"]) == {}
+    assert "left ear" not in tables_of(**UPRIGHT, left_ear=[(0.1, y, 0) for y in (1.7, 1.8, 1.9)])
 
 
 def test_a_leg_in_the_middle_follows_both_legs_of_the_performer():
     body = {"trunk": "0 1 -1, 0 1 0, 0 1 1", "head": "0 1 1, 0 1.4 1.5"}
-    table = limb_tables(chains(**body, hind_leg=UPRIGHT["left_leg"]), CHARACTER)[-1]
+    table = tables_of(**body, hind_leg=UPRIGHT["left_leg"])["hind leg"]
     assert table.stands
     assert table.driven_by == tuple((f"{joint}_left", f"{joint}_right") for joint in ("hip", "knee", "ankle", "foot"))
+
+
+def test_a_leg_with_more_bends_than_the_performers_repeats_the_last_joint_and_rows_follow_arms_and_legs_by_turns():
+    leg = np.linspace((0.1, 0.6, 0), (0.1, 0, 0), 6)
+    tables = tables_of(trunk=UPRIGHT["trunk"], **{f"right_leg_{row}": leg for row in (1, 2, 3)})
+    first = [tables[f"right leg {row}"].joints[0] for row in (1, 2, 3)]
+    assert first == ["shoulder_right", "hip_right", "shoulder_right"]
+    assert tables["right leg 2"].joints == ("hip_right", "knee_right", "ankle_right", *["foot_right"] * 3)
 
 
 def puppet_with(plan, *more):

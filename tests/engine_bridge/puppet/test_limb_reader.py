@@ -8,11 +8,7 @@ from numpy.testing import assert_allclose
 
 from engine_bridge.puppet.rig_limbs import limbs_of_joints
 
-from .skeletons import FRONT, UP, assert_stands, joints_at
-
-
-def points_of(table):
-    return limbs_of_joints(joints_at(table)).limbs.points
+from .skeletons import FRONT, UP, assert_stands, joints_at, points_of
 
 
 def assert_same(points, expected):
@@ -175,7 +171,7 @@ def test_parts_of_a_limb_that_all_hang_on_the_root_are_one_limb(seed):
                 contacts={place[k]: 9 for k in around},
             )
         )
-    assert_same(limbs_of_joints(mixed).limbs.points, points_of(PERSON))
+    assert_same(points_of(mixed), points_of(PERSON))
 
 
 def test_a_head_without_a_joint_is_what_is_above_the_shoulders():

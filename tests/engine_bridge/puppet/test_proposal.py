@@ -1,4 +1,5 @@
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -87,6 +88,24 @@ ARM = tuple((f"{joint}_left",) for joint in ("shoulder", "elbow", "wrist", "hand
 LEG = tuple((f"{joint}_left",) for joint in ("hip", "knee", "ankle", "foot"))
 
 
+@pytest.fixture
+def propose(blob_file, tmp_path):
+    """Propose a puppet for the figure with its up and front, if no others are given."""
+    return partial(new_puppet, blob_file, tmp_path / "a.toml", up="y", front="z")
+
+
+@pytest.fixture
+def found(blob_file):
+    """The limbs that are found in the figure."""
+    return proposal.find_limbs(load_character(blob_file).solver_mesh(), np.eye(3))
+
+
+@pytest.fixture
+def find(monkeypatch):
+    """Have other limbs found."""
+    return lambda limbs: monkeypatch.setattr(proposal, "find_limbs", lambda *_: limbs)
+
+
 def test_a_mesh_without_limbs_gets_handles(make_shape, tmp_path):
     ball = make_shape([((0.0, 0.0, 0.0), (0.0, 1e-6, 0.0), 1.0)], 0.2)
     make_character("ball", ball.vertices.astype(float), ball.faces).document.save(tmp_path / "ball.glb")
@@ -115,9 +134,9 @@ def test_targets_that_the_mesh_has_follow_the_channels_of_their_usual_names(glb,
     assert ", ".join(f"{morph.channel} {morph.target}" for morph in puppet.morph) == expected
 
 
-def test_the_user_says_where_limbs_end(blob_file, tmp_path):
+def test_the_user_says_where_limbs_end(propose):
     ends = {"left arm": "-1.5,1.2,-0.05", "right arm": "1.55,1.32,0.1"}  # crossed
-    made = new_puppet(blob_file, tmp_path / "a.toml", up="y", front="z", ends=ends).puppet
+    made = propose(ends=ends).puppet
     tips = {limb.name: limb.points[-1] for limb in made.limb}
     assert_allclose(tips["left arm"], (-1.5, 1.2, -0.05), atol=0.15)
     assert_allclose(tips["right arm"], (1.55, 1.32, 0.1), atol=0.15)
@@ -141,8 +160,8 @@ def test_handles_and_maps_of_ones_own_take_the_place_of_those_proposed(blob_file
     assert (tmp_path / "sub" / made.character.mesh).resolve() == blob_file.resolve()
 
 
-def test_a_map_changes_a_proposed_limb_and_leaves_the_others(blob_file, tmp_path):
-    made = new_puppet(blob_file, tmp_path / "a.toml", up="y", front="z", maps={"head": "hand_left,hand_right"}).puppet
+def test_a_map_changes_a_proposed_limb_and_leaves_the_others(propose):
+    made = propose(maps={"head": "hand_left,hand_right"}).puppet
     assert {limb.name: limb.driven_by for limb in made.limb} == {
         "trunk": (("hip_center",), ("spine",), ("shoulder_center",)),
         "head": (("hand_left",), ("hand_right",)),
@@ -155,8 +174,8 @@ def test_a_map_changes_a_proposed_limb_and_leaves_the_others(blob_file, tmp_path
     }
 
 
-def test_how_it_stands_is_proposed_by_its_shape_and_said_unless_it_is_given(blob_file, tmp_path):
-    made = new_puppet(blob_file, tmp_path / "a.toml")
+def test_how_it_stands_is_proposed_by_its_shape_and_said_unless_it_is_given(propose):
+    made = propose(up=None, front=None)
     stands = orientation.propose(made.character.solver_mesh())
     table = made.puppet.character
     assert (table.up, table.front) == (stands.up, stands.front)
@@ -164,77 +183,68 @@ def test_how_it_stands_is_proposed_by_its_shape_and_said_unless_it_is_given(blob
     scale, reason = propose_scale(height, made.plan)
     assert table.scale == scale
     assert made.assumed == (*stands.reasons, reason)
-    made = new_puppet(blob_file, tmp_path / "a.toml", up="z", scale=0.01)
+    made = propose(up="z", front=None, scale=0.01)
     assert (made.puppet.character.up, made.puppet.character.scale, len(made.assumed)) == ("z", 0.01, 1)
-    assert new_puppet(blob_file, tmp_path / "a.toml", up="z", front="x", scale=2.0).assumed == ()
+    assert propose(up="z", front="x", scale=2.0).assumed == ()
 
 
-def test_a_shape_stands_as_the_points_inside_say_where_its_outline_leaves_it_open(blob_file, tmp_path, monkeypatch):
-    propose = orientation.propose
-    lies = replace(propose(load_character(blob_file).solver_mesh()), up="z", front="y", confidence=0.6)
+def test_a_shape_stands_as_the_points_inside_say_where_its_outline_leaves_it_open(propose, blob_file, monkeypatch):
+    by_shape = orientation.propose
+    lies = replace(by_shape(load_character(blob_file).solver_mesh()), up="z", front="y", confidence=0.6)
     lies = replace(lies, others=(("y", "z", 0.3), ("-y", "z", 0.1)))
-    monkeypatch.setattr(orientation, "propose", lambda mesh, *known, **_: propose(mesh, *known) if all(known) else lies)
+
+    def stand(mesh, *known, **_):
+        return by_shape(mesh, *known) if all(known) else lies
+
+    monkeypatch.setattr(orientation, "propose", stand)
     monkeypatch.setattr(standing, "standing_logits", lambda *_: [0.0, 8.0, 0.0])
-    made = new_puppet(blob_file, tmp_path / "a.toml")
+    made = propose(up=None, front=None)
     assert (made.puppet.character.up, made.puppet.character.front) == ("y", "z")
     assert {limb.name for limb in made.puppet.limb} == PERSON.keys()
     assert made.notes[0] == "With a probability of 16%, up is z and front is y. If so: --up z --front y"
 
 
 @pytest.mark.parametrize(("away", "feet"), [(0.0, ["left foot"]), (50.0, ["left foot", "right foot"])])
-def test_limbs_that_overlap_or_leave_the_mesh_are_replaced_by_handles(blob_file, tmp_path, monkeypatch, away, feet):
+def test_limbs_that_overlap_or_leave_the_mesh_are_replaced_by_handles(propose, find, away, feet):
     leg = points("0 1 0, 0 0.5 0, 0 0.1 0, 0 0 0.1")
     trunk, other = leg[0] + np.outer([0, 0.2, 0.4], [0, 1, 0]), leg + np.array([away, 0, 0])
     named = {"trunk": trunk, "head": trunk[::2] + np.array([0, 0.4, 0]), "left leg": leg, "right leg": other}
-    limbs = Limbs(tuple(LimbChain(name, each) for name, each in named.items()))
-    monkeypatch.setattr(proposal, "find_limbs", lambda *_: limbs)
-    made = new_puppet(blob_file, tmp_path / "a.toml", up="y", front="z")
-    assert made.puppet == new_puppet(blob_file, tmp_path / "a.toml", up="y", front="z", limbs=False).puppet
+    find(Limbs(tuple(LimbChain(name, each) for name, each in named.items())))
+    made = propose()
+    assert made.puppet == propose(limbs=False).puppet
     assert [handle.name for handle in made.puppet.handle] == ["head", *feet]
     assert (made.puppet.limb, len(made.notes)) == ((), 1)
 
 
-def test_a_limb_that_overlaps_another_one_is_left_out_if_the_others_stay(blob_file, tmp_path, monkeypatch):
-    found = proposal.find_limbs(load_character(blob_file).solver_mesh(), np.eye(3))
-    jaw = LimbChain("jaw", found.points["head"])
-    monkeypatch.setattr(proposal, "find_limbs", lambda *_: Limbs((*found.chains, jaw)))
-    made = new_puppet(blob_file, tmp_path / "a.toml", up="y", front="z")
-    assert {limb.name for limb in made.puppet.limb} == PERSON.keys()
-    assert made.notes == ("jaw would overlap another limb or leave the mesh, and is left out.",)
+def test_limbs_that_overlap_or_leave_the_mesh_are_left_out_if_the_others_stay(propose, found, find):
+    jaw, tail = LimbChain("jaw", found.points["head"]), LimbChain("tail", found.points["left leg"])
+    rest = tuple(chain for chain in found.chains if "arm" not in chain.name)
+    arms = [LimbChain(name, chain + 50.0) for name, chain in found.points.items() if "arm" in name]
+    for good, wrong, are in ((found.chains, (jaw,), "is"), (rest, (*arms, tail, jaw), "are")):
+        find(Limbs((*good, *wrong)))
+        made = propose()
+        assert {limb.name for limb in made.puppet.limb} == {chain.name for chain in good}
+        names = " and ".join(chain.name for chain in wrong)
+        assert made.notes == (f"{names} would overlap another limb or leave the mesh, and {are} left out.",)
 
 
-def test_other_limbs_are_said_with_the_plan_that_takes_them(blob_file, tmp_path, monkeypatch):
-    found = proposal.find_limbs(load_character(blob_file).solver_mesh(), np.eye(3))
+def test_other_limbs_are_said_with_the_plan_that_takes_them(propose, found, find):
     armless = tuple(chain for chain in found.chains if "arm" not in chain.name)
     body = tuple(chain for chain in found.chains if "leg" not in chain.name)
-    others = ((0.2, armless[:-1]), (0.15, armless), (0.1, body))
-    monkeypatch.setattr(proposal, "find_limbs", lambda *_: replace(found, others=others))
-    made = new_puppet(blob_file, tmp_path / "a.toml", up="y", front="z")
+    find(replace(found, others=((0.2, armless[:-1]), (0.15, armless), (0.1, body))))
+    made = propose()
     assert made.plan == "upright"
     assert made.notes == (
         "With a probability of 20%, it is a body on two legs: one head, one leg. If so: --plan 'two legs'",
     )
     for plan, chains in (("two legs", armless[:-1]), ("no legs", body), ("upright", found.chains)):
-        chosen = new_puppet(blob_file, tmp_path / "a.toml", up="y", front="z", plan=plan)
+        chosen = propose(plan=plan)
         assert [limb.name for limb in chosen.puppet.limb] == [chain.name for chain in chains]
         assert (chosen.plan, chosen.notes) == (plan, ())
-    assert new_puppet(blob_file, tmp_path / "a.toml", up="y", front="z", plan="many legs").notes == (
+    assert propose(plan="many legs").notes == (
         "No limbs of the plan 'many legs' were found. "
         "These follow the performer by that plan: a person: one head, two arms, two legs.",
     )
-
-
-def test_any_limbs_that_cannot_stay_are_left_out_together(blob_file, tmp_path, monkeypatch):
-    found = proposal.find_limbs(load_character(blob_file).solver_mesh(), np.eye(3))
-    outside = [LimbChain(name, chain + 50.0) for name, chain in found.points.items() if name.endswith("arm")]
-    rest = [chain for chain in found.chains if not chain.name.endswith("arm")]
-    wrong = [LimbChain("tail", found.points["left leg"]), LimbChain("jaw", found.points["head"])]
-    monkeypatch.setattr(proposal, "find_limbs", lambda *_: Limbs((*rest, *outside, *wrong)))
-    made = new_puppet(blob_file, tmp_path / "a.toml", up="y", front="z")
-    assert {limb.name for limb in made.puppet.limb} == {chain.name for chain in rest}
-    names = [chain.name for chain in (*outside, *wrong)]
-    [note] = made.notes
-    assert all(name in note for name in names)
 
 
 @pytest.mark.parametrize(
@@ -256,6 +266,5 @@ def test_any_limbs_that_cannot_stay_are_left_out_together(blob_file, tmp_path, m
         ({"up": "z", "front": "-z"}, "the command line, [character], front"),
     ],
 )
-def test_a_mistake_on_the_command_line_is_named(blob_file, tmp_path, given, place):
-    stands = {"up": "y", "front": "z"} | given
-    assert refused(PuppetError, new_puppet, blob_file, tmp_path / "a.toml", **stands).where == place
+def test_a_mistake_on_the_command_line_is_named(propose, given, place):
+    assert refused(PuppetError, propose, **given).where == place

@@ -1,6 +1,7 @@
 import difflib
 import itertools
 import stat
+from functools import partial
 
 import pytest
 
@@ -59,12 +60,18 @@ def changed_lines(before, after):
     return [line for line in difflib.ndiff(before.splitlines(), after.splitlines()) if line[0] in "+-"]
 
 
-def edited(text, index, joints=(), axes="xyz", gain=1.0):
-    before = loads(text, "dog.toml")
-    after = with_handle(before, index, joints, axes, gain)
-    written = with_puppet(text, before, after)
-    assert loads(written, "dog.toml") == after
+read = partial(loads, where="dog.toml")
+
+
+def rewritten(text, after):
+    """Return the text of a file in which another puppet was written, and from which that is read."""
+    written = with_puppet(text, read(text), after)
+    assert read(written) == after
     return written
+
+
+def edited(text, index, joints=(), axes="xyz", gain=1.0):
+    return rewritten(text, with_handle(read(text), index, joints, axes, gain))
 
 
 @pytest.mark.parametrize(
@@ -87,7 +94,7 @@ def edited(text, index, joints=(), axes="xyz", gain=1.0):
     ids=["another joint", "several", "in its place", "one that rested"],
 )
 def test_only_what_is_edited_changes(index, mapping, lines):
-    assert sorted(line for line in changed_lines(TEXT, edited(TEXT, index, **mapping))) == sorted(lines)
+    assert sorted(changed_lines(TEXT, edited(TEXT, index, **mapping))) == sorted(lines)
 
 
 def test_an_added_key_stands_above_the_comment_of_the_next_handle():
@@ -174,13 +181,11 @@ def with_limbs(puppet, *limbs):
 
 
 def test_a_renamed_limb_and_a_moved_point_keep_their_comments():
-    before = loads(LIMBED, "dog.toml")
+    before = read(LIMBED)
     neck, tail = before.limb
     moved = neck.model_copy(update={"name": "throat", "points": (neck.points[0], (0.0, 2.5, 0.0))})
     after = with_limbs(before, moved, tail.model_copy(update={"parent": "throat", "gain": 1.5, "nodes": None}))
-    written = with_puppet(LIMBED, before, after)
-    assert loads(written, "dog.toml") == after
-    assert sorted(changed_lines(LIMBED, written)) == [
+    assert sorted(changed_lines(LIMBED, rewritten(LIMBED, after))) == [
         "+ gain = 1.5",
         '+ name = "throat"   # up',
         '+ parent = "throat"   # as it is',
@@ -193,13 +198,11 @@ def test_a_renamed_limb_and_a_moved_point_keep_their_comments():
 
 
 def test_limbs_come_go_and_change_places():
-    before = loads(LIMBED, "dog.toml")
+    before = read(LIMBED)
     neck, tail = before.limb
     ear = neck.model_copy(update={"name": "ear", "points": ((1.0, 2.0, 0.0), (1.0, 3.0, 0.0)), "follow": "turn"})
     for limbs in ((neck, tail, ear), (tail.model_copy(update={"parent": None}),), (ear, tail, neck), (neck, ear, tail)):
-        after = with_limbs(before, *limbs)
-        written = with_puppet(LIMBED, before, after)
-        assert loads(written, "dog.toml") == after
+        written = rewritten(LIMBED, with_limbs(before, *limbs))
         assert written.count("# as it is") == (tail in limbs)
         assert written.count("# up") == (neck in limbs)
 
@@ -213,7 +216,4 @@ TEXTS = [TEXT, LIMBED, MUCH, MUCH.replace("gain = 0.5", "gain = 0.7")]
 
 @pytest.mark.parametrize(("text", "other"), list(itertools.product(TEXTS, repeat=2)))
 def test_a_file_becomes_any_other_and_keeps_its_first_comment_and_all_if_nothing_differs(text, other):
-    before, after = loads(text, "dog.toml"), loads(other, "dog.toml")
-    written = with_puppet(text, before, after)
-    assert loads(written, "dog.toml") == after
-    assert written.startswith(text if text == other else text.partition("\n")[0])
+    assert rewritten(text, read(other)).startswith(text if text == other else text.partition("\n")[0])

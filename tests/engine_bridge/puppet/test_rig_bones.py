@@ -18,29 +18,20 @@ ARM = limb("left arm", ARM_POINTS)
 HEAD = limb("head", "0 2 0, 0 2.5 0")
 
 
-def sorted_by_name(character, limbs, **nodes):
-    """Each joint's bones with their shares: {joint: {"left arm 1": 1.0}}; `nodes` are those of limbs, by name."""
-    number = {node["name"]: index for index, node in enumerate(character.document.gltf["nodes"])}
-    nodes = {name.replace("_", " "): [number[node] for node in chain.split()] for name, chain in nodes.items()}
-    bones = rig_bones(character, limbs, nodes)
-    names = [f"{each.name} {k}" for each in parents_first(limbs) for k in range(len(each.points) - 1)]
-    nodes = character.document.gltf["nodes"]
-    return bones, {
-        nodes[node]["name"]: {names[b]: round(float(shares[b]), 3) for b in np.flatnonzero(shares)}
-        for node, shares in zip(bones.nodes, bones.shares, strict=True)
-    }
-
-
 def placed(bones, found):
     """Return the joints whose places have keys."""
     return [name for name, is_placed in zip(found, bones.placed, strict=True) if is_placed]
 
 
 @pytest.fixture
-def build(glb, tmp_path):
-    """A character of nodes (name: world place, parent): each shows a small tetrahedron, but a control does not."""
+def sort(glb, tmp_path):
+    """Make a skeleton of joints (name: world place, parent) and return the bones of limbs, and those of each joint.
 
-    def make(joints):
+    Each joint shows a small tetrahedron, but a control does not. Its bones are with their shares: {"left arm 1": 1.0}.
+    Further arguments are the joints from which limbs were read.
+    """
+
+    def make(joints, limbs=(BODY, ARM, HEAD), **read_from):
         nodes = {}
         for name, (place, parent) in joints.items():
             mesh = None if "control" in name else glb.mesh(glb.primitive(CORNERS / 10, SIDES))
@@ -48,7 +39,13 @@ def build(glb, tmp_path):
             nodes[name] = glb.node(mesh, parent=nodes.get(parent), name=name, translation=where.tolist())
         if any("control" in name for name in joints):
             glb.file.skins = [gltf.Skin(joints=[*nodes.values()])]
-        return load_character(glb.save(tmp_path / "nodes.glb"))
+        own = {limb.replace("_", " "): [nodes[name] for name in names.split()] for limb, names in read_from.items()}
+        bones = rig_bones(load_character(glb.save(tmp_path / "nodes.glb")), limbs, own)
+        names = [f"{each.name} {k}" for each in parents_first(limbs) for k in range(len(each.points) - 1)]
+        return bones, {
+            [*nodes][node]: {names[b]: round(float(shares[b]), 3) for b in np.flatnonzero(shares)}
+            for node, shares in zip(bones.nodes, bones.shares, strict=True)
+        }
 
     return make
 
@@ -69,8 +66,8 @@ skull      0  2.1    0  neck
 """)
 
 
-def test_nodes_without_a_skin_are_sorted_as_joints_are(build):
-    bones, found = sorted_by_name(build(SPINE), [BODY, ARM, HEAD])
+def test_nodes_without_a_skin_are_sorted_as_joints_are(sort):
+    bones, found = sort(SPINE)
     expected = {
         "trunk 0": ("root", "hips"),
         "trunk 1": ("middle", "chest", "collar"),
@@ -85,17 +82,17 @@ def test_nodes_without_a_skin_are_sorted_as_joints_are(build):
     assert placed(bones, found) == ["root"]
 
 
-def test_a_chest_on_which_arms_hang_is_not_the_beginning_of_the_head(build):
+def test_a_chest_on_which_arms_hang_is_not_the_beginning_of_the_head(sort):
     """Without a neck, the head begins at the chest's joint, and the arms must not follow it."""
     joints = {name: place for name, place in SPINE.items() if name not in ("neck", "skull")}
     joints |= rows("chest 0 2 0 middle\nskull 0 2.1 0 chest")
-    _, found = sorted_by_name(build(joints), [BODY, ARM, HEAD])
+    _, found = sort(joints)
     assert found["chest"] == {"trunk 1": 1}
     assert found["skull"] == {"head 0": 1}
     assert found["upper"] == {"left arm 0": 1}
 
 
-def test_one_joint_above_hips_and_chest_does_not_tie_the_hips_to_the_chest(build):
+def test_one_joint_above_hips_and_chest_does_not_tie_the_hips_to_the_chest(sort):
     upper = {name: place for name, place in SPINE.items() if name not in ("root", "hips", "middle")}
     joints = rows("root 0 0 0 -\nbody 0 1.7 -0.3 root") | upper
     joints |= rows("""
@@ -107,44 +104,44 @@ thigh   0.2    1  0  hip
 shin    0.2  0.5  0  thigh
 """)
     leg = limb("left leg", "0.2 1 0, 0.2 0.5 0, 0.2 0 0")
-    bones, found = sorted_by_name(build(joints), [BODY, ARM, HEAD, leg])
+    bones, found = sort(joints, (BODY, ARM, HEAD, leg))
     assert found["root"] == found["body"] == found["pelvis"] == found["hip"] == {"trunk 0": 1}
     assert found["chest"] == found["collar"] == {"trunk 1": 1}
     assert placed(bones, found) == ["root", "chest", "collar"]
 
 
-def test_of_two_joints_at_one_place_the_lower_begins_the_arm(build):
-    _, found = sorted_by_name(build(SPINE | rows("collar 0.3 1.9 0 chest")), [BODY, ARM, HEAD])
+def test_of_two_joints_at_one_place_the_lower_begins_the_arm(sort):
+    _, found = sort(SPINE | rows("collar 0.3 1.9 0 chest"))
     assert (found["collar"], found["upper"]) == ({"trunk 1": 1}, {"left arm 0": 1})
 
 
-def test_of_two_arms_at_one_place_the_one_that_moves_vertices_is_taken(build):
+def test_of_two_arms_at_one_place_the_one_that_moves_vertices_is_taken(sort):
     first = rows("upper_control 0.3 1.9 0 collar\nlower_control 0.8 1.9 0 upper_control")
-    _, found = sorted_by_name(build({name: SPINE[name] for name in list(SPINE)[:5]} | first | SPINE), [BODY, ARM, HEAD])
+    _, found = sort({name: SPINE[name] for name in list(SPINE)[:5]} | first | SPINE)
     assert (found["upper"], found["lower"]) == ({"left arm 0": 1}, {"left arm 1": 1})
 
 
-def test_a_target_of_inverse_kinematics_goes_with_its_hand_and_what_hangs_elsewhere_does_not(build):
+def test_a_target_of_inverse_kinematics_goes_with_its_hand_and_what_hangs_elsewhere_does_not(sort):
     joints = SPINE | rows("grip 1.2 1.9 0.01 root\npole 0.8 1.9 -1 root\npouch 1.2 1.9 0.01 hips")
     tail = limb("tail", "0 1 -0.5, 0 1 -1")
-    bones, found = sorted_by_name(build(joints), [BODY, ARM, HEAD, tail])
+    bones, found = sort(joints, (BODY, ARM, HEAD, tail))
     assert [found[name] for name in ("grip", "pole", "pouch")] == [{"left arm 2": 1}, {"trunk 0": 1}, {"trunk 0": 1}]
     assert placed(bones, found) == ["root", "grip"]
     assert bones.missing == ("tail",)
 
 
-def test_joints_that_a_limb_was_read_from_are_its_own_wherever_they_are(build):
+def test_joints_that_a_limb_was_read_from_are_its_own_wherever_they_are(sort):
     """Another arm is exactly at the limb, its own ends before its last bone, and its hand hangs on the root."""
     own = rows("high 0.3 2.1 0 chest\nlow 0.8 2.1 0 high\nend 1.3 2.1 0 root")
-    bones, found = sorted_by_name(build(SPINE | own), [BODY, ARM, HEAD], left_arm="high low end", head="skull")
+    bones, found = sort(SPINE | own, left_arm="high low end", head="skull")
     assert [found[name] for name in own] == [{"left arm 0": 1}, {"left arm 1": 1}, {"left arm 2": 1}]
     assert found["upper"] == found["hand"] == found["neck"] == {"trunk 1": 1}
     assert found["skull"] == {"head 0": 1}
     assert placed(bones, found) == ["root", "skull", "high", "low", "end"]  # far from where the limb bends
 
 
-def test_without_a_trunk_what_is_above_the_limbs_stands_still(build):
-    bones, found = sorted_by_name(build(SPINE), [limb("left arm", ARM_POINTS, parent=None)])
+def test_without_a_trunk_what_is_above_the_limbs_stands_still(sort):
+    bones, found = sort(SPINE, [limb("left arm", ARM_POINTS, parent=None)])
     assert found["chest"] == found["neck"] == {}
     assert found["upper"] == {"left arm 0": 1}
     assert placed(bones, found) == ["root"]

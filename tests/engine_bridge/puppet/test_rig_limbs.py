@@ -3,6 +3,7 @@ from dataclasses import replace
 from itertools import product
 
 import numpy as np
+import pygltflib as gltf
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal, assert_equal
 
@@ -11,7 +12,9 @@ from engine_bridge.puppet.rig_limbs import limbs_of_joints, rig_limbs
 from engine_bridge.puppet.skin_joints import Joint, joints_of
 
 from ..bones import points
-from .skeletons import FRONT, NO_VERTICES, SIDES, UP, assert_stands, joints_at
+from ..character.conftest import CORNERS
+from ..character.conftest import SIDES as TRIANGLES
+from .skeletons import FRONT, NO_VERTICES, SIDES, UP, assert_stands, joints_at, points_of
 
 LIMBS = [f"{side} {limb}" for limb in ("arm", "leg") for side, _ in SIDES]
 
@@ -123,7 +126,7 @@ def test_a_person_is_known_by_the_names_of_every_convention_whatever_its_axes(co
 
 def test_a_person_is_known_without_names():
     own = skeleton("Unreal", HOLDING)
-    expected = limbs_of_joints(own).limbs.points
+    expected = points_of(own)
     found = limbs_of_joints([replace(joint, name=f"node {number}") for number, joint in enumerate(own)])
     assert_stands(found)
     for limb in LIMBS:
@@ -145,19 +148,19 @@ def test_ears_and_a_jaw_that_move_vertices_are_limbs():
     Jaw       neck  0   1.6 0.05  0 1.6 0.05  0 1.55 0.25
     """
     joints = skeleton("Quaternius", HOLDING + more)
-    found = limbs_of_joints(joints).limbs.points
+    found = points_of(joints)
     assert found.keys() == {"trunk", "head", *LIMBS, "left ear", "right ear", "jaw"}
     assert_allclose(found["left ear"], [(0.1, 1.8, 0), (0.1, 1.895, 0), (0.1, 1.99, 0)], atol=1e-9)
     assert_allclose(found["jaw"][-1], (0, 1.6 - 0.95 * 0.05, 0.05 + 0.95 * 0.2), atol=1e-9)
     still = [replace(joint, vertices=NO_VERTICES) for joint in joints]
-    assert list(limbs_of_joints(still).limbs.points) == ["trunk", "head", *LIMBS]
+    assert list(points_of(still)) == ["trunk", "head", *LIMBS]
 
 
 def test_a_head_with_long_ears_is_a_head_and_not_a_trunk():
     joints = skeleton("Quaternius", HOLDING + "Ear1.{S} head 0.1 1.8 0  0.1 1.8 0  0.3 2.4 0")
-    found = limbs_of_joints(joints).limbs.points
+    found = points_of(joints)
     assert found.keys() == {"trunk", "head", *LIMBS, "left ear", "right ear"}
-    assert_array_equal(found["head"][0], limbs_of_joints(joints[:-2]).limbs.points["head"][0])
+    assert_array_equal(found["head"][0], points_of(joints[:-2])["head"][0])
     assert_allclose(found["left ear"][[0, -1]], [(0.1, 1.8, 0), (0.29, 2.37, 0)], atol=1e-9)
 
 
@@ -170,50 +173,56 @@ def test_feet_that_hang_on_the_root_belong_to_the_legs_with_which_they_share_tri
     joints = [
         replace(joint, parent=0, contacts={joint.parent: 8}) if joint.label.endswith("foot") else joint for joint in own
     ]
-    assert_equal(limbs_of_joints(joints).limbs.points, limbs_of_joints(own).limbs.points)
+    assert_equal(points_of(joints), points_of(own))
 
 
 def test_legs_whose_roots_are_at_the_hips_hang_on_them():
     """Parts of an armature may have no parent; hands that hang beside the hips are nearer to the thighs."""
-    expected = limbs_of_joints(skeleton("Unreal", HOLDING)[:-1]).limbs.points
+    expected = points_of(skeleton("Unreal", HOLDING)[:-1])
     apart = HOLDING.replace("{side}:thigh      hips ", "hip_{s} - 0 1 0\n{side}:thigh  hip_{s} ")
-    found = limbs_of_joints(skeleton("Unreal", apart)[:-1]).limbs.points
+    found = points_of(skeleton("Unreal", apart)[:-1])
     assert found.keys() == expected.keys()
     for name in ("left leg", "right leg", "left arm", "head"):
         assert_array_equal(found[name], expected[name])
 
 
+BOXES = """
+head   0    1.25  0.62   0    1.25  0.62  0.25 0.25 0.25
+body   0    0.9   0      0    0.9   0     0.45 0.45 0.7
+leg0  -0.25 0.75 -0.38  -0.25 0.4  -0.38  0.1  0.4  0.1
+leg1  -0.25 0.75  0.38  -0.25 0.4   0.38  0.1  0.4  0.1
+leg2   0.25 0.75 -0.38   0.25 0.4  -0.38  0.1  0.4  0.1
+leg3   0.25 0.75  0.38   0.25 0.4   0.38  0.1  0.4  0.1
+"""
+"""Where boxes turn, their middles, and the halves of their sides."""
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_boxes_that_all_hang_on_a_root_at_the_floor_are_a_body_in_any_order(seed):
     """As in animals of block games."""
-    boxes = {"head": ((0, 1.25, 0.62), 0.25), "body": ((0, 0.9, 0), 0.45)}
-    boxes |= {f"leg{k}": ((x, 0.75, z), 0.1) for k, (x, z) in enumerate(product((-0.25, 0.25), (-0.38, 0.38)))}
     joints = [Joint("root", -1, np.zeros(3), NO_VERTICES)]
-    for name in np.random.default_rng(seed).permutation([*boxes]).tolist():
-        (x, y, z), half = boxes[name]
-        tall = np.array([half, 0.4 if name.startswith("leg") else half, 0.7 if name == "body" else half])
-        corners = np.array([*product((-1, 1), repeat=3)]) * tall
-        middle = [x, 0.4 if name.startswith("leg") else y, z]
-        joints.append(Joint(name, 0, np.array([x, y, z], float), corners + middle))
-    assert {name for name in limbs_of_joints(joints).limbs.points if "leg" in name} == {
+    for line in np.random.default_rng(seed).permutation(BOXES.strip().splitlines()).tolist():
+        name, *numbers = line.split()
+        place, middle, half = np.array(numbers, dtype=float).reshape(3, 3)
+        joints.append(Joint(name, 0, place, middle + half * [*product((-1, 1), repeat=3)]))
+    assert {name for name in points_of(joints) if "leg" in name} == {
         f"{side} {row} leg" for side in ("left", "right") for row in ("front", "hind")
     }
 
 
-def test_parts_on_joints_without_a_skin_are_the_body_and_those_on_a_skinned_body_are_carried(real_data):
+def test_parts_on_joints_without_a_skin_are_the_body_and_those_on_a_skinned_body_are_carried(glb, tmp_path):
     """A shield is not the arm, but a robot of which only the hands have a skin is a robot."""
-    document = load_character(real_data / "mesh" / "gltf" / "quaternius_Adventurer.glb").document.copy()
-    own = joints_of(from_document(document))
-    hand = next(index for index, node in enumerate(document.gltf["nodes"]) if node.get("name") == "LowerArm.R")
-    meshes = [node for node in document.gltf["nodes"] if "mesh" in node]
-    document.gltf["nodes"].append({"name": "Shield", "mesh": meshes[0]["mesh"], "translation": [0.5, 0, 0]})
-    document.gltf["nodes"][hand].setdefault("children", []).append(len(document.gltf["nodes"]) - 1)
-    carried = joints_of(from_document(document))
-    assert [len(joint.vertices) for joint in carried] == [len(joint.vertices) for joint in own]
-    for node in meshes:
-        node.pop("mesh"), node.pop("skin")
-    parts = joints_of(from_document(document))
-    assert [joint.name for joint in parts if len(joint.vertices)] == ["LowerArm.R"]
+    body = glb.node(name="body")
+    arm = glb.node(parent=body, name="arm")
+    glb.file.skins = [gltf.Skin(joints=[body, arm])]
+    follows = np.array([[0], [0], [0], [1]], np.uint8) * np.array([1, 0, 0, 0], np.uint8)
+    only = np.tile(np.float32([1, 0, 0, 0]), (4, 1))
+    skinned = glb.node(glb.mesh(glb.primitive(CORNERS, TRIANGLES, JOINTS_0=follows, WEIGHTS_0=only)), skin=0)
+    glb.node(glb.mesh(glb.primitive(CORNERS, TRIANGLES)), parent=arm, name="shield")
+    document = load_character(glb.save(tmp_path / "robot.glb")).document
+    assert [len(joint.vertices) for joint in joints_of(from_document(document))] == [3, 1]
+    del document.gltf["nodes"][skinned]["mesh"], document.gltf["nodes"][skinned]["skin"]
+    assert [len(joint.vertices) for joint in joints_of(from_document(document))] == [0, 4]
 
 
 def test_a_body_without_legs_is_known_by_its_head_and_tail():
@@ -282,8 +291,8 @@ def test_other_pairs_that_are_called_arms_or_wings_are_limbs_and_breasts_are_non
         {own}
         {first}   spine    0.2 1.2 0
         {second}  {first}  0.5 1.2 0  0.8 1.2 0"""
-    expected = set(limbs_of_joints(joints_at(f"{HOLDING}\n{own}")).limbs.points)
-    found = limbs_of_joints(joints_at(table)).limbs.points
+    expected = set(points_of(f"{HOLDING}\n{own}"))
+    found = points_of(table)
     assert found.keys() - expected == ({f"{side} {limb} 2" for side, _ in SIDES} if limb else set())
     assert expected <= found.keys()
     if limb:
@@ -306,7 +315,7 @@ def test_four_pairs_of_limbs_without_names_are_legs_if_none_is_on_the_head(rows,
         {row}b.{{S}}  {row}a.{{S}}  0.2  0 {z / 2}
         {row}c.{{S}}  {row}b.{{S}}  0.4  0 {z}      0.5 0 {z}"""
     legs = {f"{side} leg {row + 1}" for row in range(len(rows)) for side, _ in SIDES}
-    found = limbs_of_joints(joints_at(table)).limbs.points
+    found = points_of(table)
     assert {name for name in found if "leg" in name or "arm" in name} == legs
     assert "head" in found
 
@@ -345,7 +354,7 @@ def test_branches_that_all_hang_on_a_root_which_they_do_not_touch_hang_on_those_
         )
         for k, joint in enumerate(own[-5:])
     ]
-    assert_equal(limbs_of_joints(own[:-5] + tail).limbs.points, limbs_of_joints(own).limbs.points)
+    assert_equal(points_of(own[:-5] + tail), points_of(own))
 
 
 TWO = """
@@ -366,7 +375,7 @@ arm.{S} hips 0.2 1.4 0  0.8 1.4 0
 @pytest.mark.parametrize("limbs", [TWO, NUMBERED, ONE], ids=["two", "numbered", "one"])
 def test_a_person_may_have_limbs_of_one_or_two_joints_and_controls_beside_them(limbs):
     controls = "~leg_ik.{S} hips 1 0 0\n~foot_ik.{S} leg_ik.{S} 1 0 0"
-    found = limbs_of_joints(joints_at(f"hips - 0 1 0\nhead hips 0 1.5 0\n{limbs}\n{controls}")).limbs.points
+    found = points_of(f"hips - 0 1 0\nhead hips 0 1.5 0\n{limbs}\n{controls}")
     assert found.keys() == {"trunk", "head", *LIMBS}
     known = [0, -1] if limbs is ONE else [0, 1, 2, 3]  # where a single joint bends is anybody's guess
     rows = {"leg": "0.1 0.9 0, 0.1 0.45 0, 0.1 0 0", "arm": "0.2 1.4 0, 0.5 1.4 0, 0.8 1.4 0"}
@@ -378,14 +387,14 @@ def test_a_person_may_have_limbs_of_one_or_two_joints_and_controls_beside_them(l
 
 def test_an_elbow_that_moves_nothing_is_no_lower_arm_beside_one_that_does():
     joints = skeleton("Unreal", HOLDING + "~elbow.{s} Armature 0 1.2 -1")
-    assert_equal(limbs_of_joints(joints).limbs.points, limbs_of_joints(joints[:-2]).limbs.points)
+    assert_equal(points_of(joints), points_of(joints[:-2]))
 
 
 def test_a_limb_ends_where_the_vertices_end_that_follow_it():
     table = HOLDING.replace("0.75 1.45 0", "0.75 1.45 0  0.75 1.43 0  0.95 1.47 0").replace(
         "{side}:finger", "~{side}:finger"
     )
-    end = limbs_of_joints(skeleton("Unreal", table)).limbs.points["left arm"][-1]
+    end = points_of(skeleton("Unreal", table))["left arm"][-1]
     assert_allclose(end, PLACES["hand"] + [0.19, 0, 0], atol=1e-12)  # 95 % of the way
 
 
@@ -397,7 +406,7 @@ def test_a_row_of_joints_from_front_to_back_is_a_trunk_and_a_tail():
     Main2 Main1 0 0  0    0 0  0  0 0 -1
     Main3 Main2 0 0 -1    0 0 -1  0 0 -2
     """)
-    found = limbs_of_joints(row).limbs.points
+    found = points_of(row)
     assert_allclose(found["trunk"] @ FRONT, [1, 2.95])
     assert_allclose(found["tail"] @ FRONT, [1, 0, -1, -1.95])
 
@@ -412,22 +421,14 @@ def test_a_file_without_a_skeleton_has_no_limbs_by_it(blob):
     assert rig_limbs(make_character("blob", blob.vertices.astype(float), blob.faces)) is None
 
 
-def test_a_vrm_humanoid_is_known_by_the_file_s_own_table(real_data):
+def test_a_vrm_humanoid_is_known_by_the_file_s_own_table(glb, tmp_path):
     """The table is used and not the names of the nodes, which are numbers here."""
-    document = load_character(real_data / "mesh" / "gltf" / "quaternius_Adventurer.glb").document.copy()
-    named = {"Hips": "hips", "Neck": "neck", "Head": "head"}
-    for (side, _), bone in product(SIDES, ("UpperArm", "LowerArm", "Hand", "UpperLeg", "LowerLeg", "Foot")):
-        named[f"{bone}.{side[0].upper()}"] = f"{side}{bone}"
-    table = {}
-    for index, node in enumerate(document.gltf["nodes"]):
-        if node.get("name") in named:
-            table[named[node["name"]]] = {"node": index}
-        node["name"] = f"{index}"
-    expected = rig_limbs(load_character(real_data / "mesh" / "gltf" / "quaternius_Adventurer.glb")).limbs.points
-    older = [{"bone": bone, "node": entry["node"]} for bone, entry in table.items()]
-    for extensions in ({"VRMC_vrm": {"humanoid": {"humanBones": table}}}, {"VRM": {"humanoid": {"humanBones": older}}}):
-        document.gltf["extensions"] = extensions
-        found = rig_limbs(from_document(document)).limbs.points
-        assert list(found) == ["trunk", "head", *LIMBS]
-        for name in LIMBS:
-            assert_array_equal(found[name], expected[name])
+    mesh = glb.mesh(glb.primitive(CORNERS, TRIANGLES))
+    for number in range(3):
+        glb.node(mesh, name=f"{number}")
+    document = load_character(glb.save(tmp_path / "avatar.glb")).document
+    newer = {"head": {"node": 0}, "hips": {"node": 2}}
+    older = [{"bone": bone, **entry} for bone, entry in newer.items()]
+    for name, bones in (("VRMC_vrm", newer), ("VRM", older)):
+        document.gltf["extensions"] = {name: {"humanoid": {"humanBones": bones}}}
+        assert [joint.name for joint in joints_of(from_document(document))] == ["head", "1", "hips"]

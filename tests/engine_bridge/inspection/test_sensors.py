@@ -7,13 +7,15 @@ from types import SimpleNamespace
 import pytest
 
 from capture.libraries import NotInstalledError
-from capture.sensors import camera, freenect, openni_library
+from capture.sensors import freenect, openni_library
 from capture.sensors.openni_library import Sensor
-from capture.trackers import mediapipe
+from capture.trackers.mediapipe import INSTALL_FIX
 from capture.trackers.nite import library_path
 from engine_bridge.inspection import sensors
 from engine_bridge.inspection.finding import Finding
 from puppetline.errors import SourceError
+
+from .test_machine import named
 
 
 @pytest.fixture
@@ -36,11 +38,6 @@ def usb(tmp_path, monkeypatch):
         return tmp_path / "nodes" / "001"
 
     return plug
-
-
-def found(findings, name):
-    (finding,) = [each for each in findings if each.name == name]
-    return finding
 
 
 def without(monkeypatch, *paths):
@@ -89,20 +86,6 @@ def test_depth_sensors_are_recognised_by_usb_ids_and_listed_with_their_sources(u
     ]
 
 
-def test_sensors_without_their_libraries_say_what_to_install(usb, monkeypatch):
-    usb("8086:0b07:RealSense:5000", "2bc5:0800")
-    fixes = {
-        "librealsense": ("pyrealsense2", "pip install 'puppetline[realsense]'"),
-        "Orbbec SDK": ("pyorbbecsdk", "pip install --no-deps pyorbbecsdk2"),
-    }
-    for module, _ in fixes.values():
-        monkeypatch.setitem(sys.modules, module, None)
-    findings = [*sensors.examine()]
-    for library, (_, command) in fixes.items():
-        missing = found(findings, library)
-        assert (missing.ok, missing.fix) == (False, f"Install it: {command}")
-
-
 @pytest.mark.parametrize(("kind", "package"), [("045e:02ae", "libfreenect0.5"), ("1d27:0600", "libopenni2-0")])
 def test_a_sensor_that_may_not_be_opened_is_a_finding_with_its_udev_rules(usb, monkeypatch, kind, package):
     nodes = usb(kind)
@@ -135,33 +118,24 @@ def test_a_camera_that_is_missing_or_without_permission_is_no_failure(tmp_path, 
 def test_a_library_that_is_not_there_is_amiss_only_where_a_sensor_needs_it(usb, monkeypatch):
     monkeypatch.setattr(freenect, "LIBRARIES", ())
     monkeypatch.setattr(ctypes.util, "find_library", lambda _name: None)
+    for module in ("pyrealsense2", "pyorbbecsdk", "mediapipe", "cv2"):
+        monkeypatch.setitem(sys.modules, module, None)
     detail = "not installed; required by freenect:"
     fix = "Install it: apt install libfreenect0.5 on Debian and Ubuntu, brew install libfreenect on macOS."
-    assert found(sensors.examine(), "libfreenect") == Finding("libfreenect", None, detail, fix)
-    usb("045e:02ae")
-    assert found(sensors.examine(), "libfreenect") == Finding("libfreenect", False, detail, fix)
+    assert named(sensors.examine(), "libfreenect") == Finding("libfreenect", None, detail, fix)
+    usb("045e:02ae", "8086:0b07:RealSense:5000", "2bc5:0800")
+    findings = [*sensors.examine()]
+    assert named(findings, "libfreenect") == Finding("libfreenect", False, detail, fix)
+    libraries = ("librealsense", "Orbbec SDK", "MediaPipe", "OpenCV")
+    assert [named(findings, library).ok for library in libraries] == [False, False, False, None]
+    assert named(findings, "MediaPipe").fix == named(findings, "OpenCV").fix == INSTALL_FIX
 
 
-@pytest.mark.parametrize("load", [mediapipe.load_mediapipe, camera.load_opencv])
-def test_python_libraries_that_are_missing_are_no_failure(monkeypatch, load):
-    def absent(module):
-        raise ModuleNotFoundError(name=module.partition(".")[0])
-
-    monkeypatch.setattr("importlib.import_module", absent)
-    (finding,) = sensors._library("a library", lambda _name: load(), "camera:", needed=False)
-    assert finding == Finding("a library", None, "not installed; required by camera:", mediapipe.INSTALL_FIX)
-
-
-def test_a_library_that_does_not_load_is_a_failure_though_no_sensor_needs_it():
-    def look(where):
-        raise SourceError(where, found="a library that cannot be loaded", expected="another", fix="Do it.")
-
-    (finding,) = sensors._library("a library", look, "camera:", needed=False)
-    assert finding == Finding("a library", False, "a library that cannot be loaded", "Do it.")
-
-
-@pytest.mark.parametrize(("named", "ok"), [(False, None), (True, False)])
-def test_openni2_is_optional_unless_the_environment_names_its_folder(tmp_path, monkeypatch, named, ok):
+@pytest.mark.parametrize(
+    ("named", "ok", "detail"),
+    [(False, None, "not installed; required by openni:"), (True, False, "no OpenNI2 library that starts (")],
+)
+def test_openni2_is_optional_unless_the_environment_names_its_folder(tmp_path, monkeypatch, named, ok, detail):
     monkeypatch.delenv(openni_library.REDIST_VARIABLE, raising=False)
     if named:
         monkeypatch.setenv(openni_library.REDIST_VARIABLE, str(tmp_path))
@@ -174,6 +148,7 @@ def test_openni2_is_optional_unless_the_environment_names_its_folder(tmp_path, m
         "OpenNI 2", lambda name: openni_library._start(name, bindings), "openni:", needed=False
     )
     assert (finding.ok, finding.fix) == (ok, "Install it: apt install libopenni2-0 on Debian and Ubuntu.")
+    assert finding.detail.startswith(detail)
 
 
 @pytest.mark.parametrize(("nite", "ok"), [(None, False), ("libNiTE2.so", None)])
@@ -184,13 +159,13 @@ def test_mediapipe_is_needed_for_an_openni2_sensor_only_where_nite2_is_not(usb, 
     monkeypatch.setattr(sensors, "load_mediapipe", mediapipe_is_not_here)
     monkeypatch.setattr(sensors.nite, "library_path", lambda: nite)
     usb("1d27:0601")
-    assert found(sensors.examine(), "MediaPipe").ok is ok
+    assert named(sensors.examine(), "MediaPipe").ok is ok
 
 
 def test_a_machine_without_usb_is_no_failure(monkeypatch):
     library = SimpleNamespace(freenect_init=lambda _context, _usb: -1)
     monkeypatch.setattr(freenect, "_load", lambda _where: library)
-    assert found(sensors.examine(), "libfreenect") == Finding(
+    assert named(sensors.examine(), "libfreenect") == Finding(
         "libfreenect", True, "installed; no USB on this machine (in a container, pass /dev/bus/usb through)"
     )
 

@@ -29,14 +29,6 @@ def test_parquet_has_a_typed_column_per_field_so_that_parts_can_be_joined(tmp_pa
     assert pq.read_table(tmp_path).column("output").to_pylist() == ["", "p/a.glb", ""]
 
 
-def test_csv_has_a_line_per_result_and_notes_as_one_text(tmp_path):
-    path = tmp_path / "m.csv"
-    manifest.write_manifest(path, [DONE, FAILED])
-    done, failed = csv.DictReader(path.read_text(encoding="utf-8").splitlines(keepends=True))
-    assert (list(done), done["notes"]) == (list(manifest.COLUMNS), "One. Two.")
-    assert (failed["log"], failed["message"]) == (FAILED.log, FAILED.message)
-
-
 @pytest.mark.parametrize("name", ["m.xlsx", "m", "gone/m.csv"])
 def test_a_manifest_that_cannot_be_written_is_refused_before_the_work(tmp_path, name):
     refused(OutputError, manifest.check_manifest, tmp_path / name)
@@ -49,13 +41,13 @@ def test_without_pyarrow_parquet_names_the_extra_and_csv_works(tmp_path, monkeyp
     assert "pip install 'puppetline[batch]'" in error.fix
 
 
-def test_records_that_another_batch_writes_meanwhile_are_included(tmp_path, monkeypatch):
+def test_csv_has_notes_as_one_text_and_records_that_another_batch_writes_meanwhile(tmp_path, monkeypatch):
     store, write = Store(tmp_path, "run"), manifest.write_manifest
 
     def add(name):
         log = tmp_path / "log"
         log.touch()
-        row = Row("done", f"{name}.glb", "", "", None, None, "morph")
+        row = Row("done", f"{name}.glb", "", "", None, None, "morph", notes=("One.", "Two."))
         store.save(Job(name, log, log, ""), Record("", "run", FileState.of(log), (row,), {}))
 
     def write_slowly(path, rows):
@@ -68,5 +60,6 @@ def test_records_that_another_batch_writes_meanwhile_are_included(tmp_path, monk
         monkeypatch.setattr(manifest, "write_manifest", write_slowly)
         rows = manifest.write_whole_manifest(tmp_path / "m.csv", store)
     with (tmp_path / "m.csv").open(newline="", encoding="utf-8") as file:
-        written = [row["output"] for row in csv.DictReader(file)]
-    assert written == [row.output for row in rows] == ["p/first.glb", "p/other.glb"]
+        written = [*csv.DictReader(file)]
+    assert [each["output"] for each in written] == [row.output for row in rows] == ["p/first.glb", "p/other.glb"]
+    assert [(each["user"], each["notes"]) for each in written] == 2 * [("", "One. Two.")]

@@ -1,24 +1,15 @@
 import itertools
 
 import numpy as np
-import pytest
 from puppetline.examples.performances import PERFORMANCES
 
 from engine_bridge.performance.character_motion import make_deformer
 from engine_bridge.performance.idle import idle_motion
 
 
-@pytest.fixture(scope="module")
-def log(record_events, tmp_path_factory):
-    return record_events(tmp_path_factory.mktemp("idle") / "rear.log", PERFORMANCES["rear"]().frames())
-
-
-@pytest.fixture(scope="module")
-def idle(log, prepared_blob):
-    return idle_motion(log, prepared_blob, make_deformer(prepared_blob))
-
-
-def test_an_idle_motion_loops_without_a_seam(idle, prepared_blob):
+def test_an_idle_motion_loops_without_a_seam(record_events, prepared_blob, tmp_path):
+    log = record_events(tmp_path / "rear.log", PERFORMANCES["rear"]().frames())
+    idle = idle_motion(log, prepared_blob, make_deformer(prepared_blob))
     shown = [idle.at(second) for second in np.arange(0, 30, 1 / 60)]
     steps = [np.linalg.norm(b.targets - a.targets, axis=1).max() for a, b in itertools.pairwise(shown)]
     assert max(steps) < 0.03 * prepared_blob.mesh.diagonal

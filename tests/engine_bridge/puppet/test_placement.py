@@ -1,7 +1,6 @@
 import numpy as np
 
 from engine_bridge.character.character import make_character
-from engine_bridge.performance.prepared_character import make_prepared
 from engine_bridge.puppet.placement import check_handles, check_limbs
 from puppetline.errors import PuppetError
 
@@ -20,11 +19,11 @@ def test_a_handle_off_the_mesh_is_refused_with_the_nearest_place_on_it(prepared_
 
 
 def test_a_limb_in_the_middle_of_a_fat_character_is_inside_it(limbed_figure):
-    ball = make_prepared(limbed_figure.puppet, make_character("ball", *sphere(3)))
+    ball = make_character("ball", *sphere(3)).solver_mesh()
     core = limbed_figure.puppet.limb[0].model_copy(
         update={"points": ((0.0, -0.1, 0.0), (0.0, 0.0, 0.0), (0.0, 0.1, 0.0))}
     )
-    check_limbs([core], ball.mesh, "ball.toml")
+    check_limbs([core], ball, "ball.toml")
     beside = core.model_copy(update={"points": ((0.0, 0.0, 0.0), (0.0, 1.2, 0.0), (0.0, 1.9, 0.0))})
-    error = refused(PuppetError, check_limbs, [core, beside], ball.mesh, "ball.toml")
+    error = refused(PuppetError, check_limbs, [core, beside], ball, "ball.toml")
     assert error.where == "ball.toml, [[limb]] 2 'trunk', points, 3"

@@ -20,23 +20,17 @@ LOOPBACK = ["127.0.0.1"]
 pytestmark = pytest.mark.usefixtures("multicast")
 
 
-def wait_for(port, wanted=lambda found: True, tries=40):
+def wait_for(port, wanted=lambda _: True):
     """Look until a service at that port is as it is wanted."""
-    for _ in range(tries):
-        for found in find(0.25, LOOPBACK):
-            if found.port == port and wanted(found):
-                return found
-    raise AssertionError("it is not found")
+
+    def look():
+        return next((found for found in find(0.25, LOOPBACK) if found.port == port and wanted(found)), None)
+
+    return wait_until(look)
 
 
-@pytest.fixture
-def port():
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        yield free.getsockname()[1]
-
-
-def test_an_engine_finds_the_service_what_plays_there_and_its_changes_until_its_end(port, until_end):
+def test_an_engine_finds_the_service_what_plays_there_and_its_changes_until_its_end(free_port, until_end):
+    port = free_port()
     announced = until_end(Announcement("127.0.0.1", port, port + 1, "CURVE", ["dog", "cat"]))
     found = wait_for(port)
     assert found.name.startswith(f"Puppetline on {socket.gethostname().partition('.')[0]}")

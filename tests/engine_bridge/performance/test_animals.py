@@ -7,15 +7,16 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from capture.skeleton import JOINT_INDEX, JOINTS, OPPOSITE
+from capture.skeleton import JOINT_INDEX, JOINTS
 from capture.timeline import Timeline
 from engine_bridge.performance.animals import of_animal
 from engine_bridge.performance.clip import poses
 from engine_bridge.performance.grounding import legs_of
+from engine_bridge.performance.retargeting import PERFORMER
 from engine_bridge.performance.settings import Settings
 from puppetline.errors import SkeletonLogError
 from solver.motion.limb_motion import LimbMotion
-from solver.motion.limbs import Performer, bones_of
+from solver.motion.limbs import bones_of
 
 from .test_grounding import LEGS, puppet, steps
 
@@ -26,28 +27,38 @@ TAIL = {
     "follow": "turn",
     "gain": -0.7,
 }
-SIDES = Performer(
-    (JOINT_INDEX["hip_left"], JOINT_INDEX["hip_right"]),
-    (JOINT_INDEX["shoulder_left"], JOINT_INDEX["shoulder_right"]),
-    OPPOSITE,
-)
 
-
-def animal():
-    """Return the joints (20, 3) of an animal that looks to +z, in a stride: its left is at +x."""
-    at = {"hip_center": (0, 1, 0), "spine": (0, 1.05, 0.4), "shoulder_center": (0, 1, 0.8), "head": (0, 1.2, 1.2)}
-    for side, x, swing in (("left", 0.2, 0.3), ("right", -0.2, -0.2)):
-        for z, chain in ((0, ("hip", "knee", "ankle", "foot")), (0.8, ("shoulder", "elbow", "wrist", "hand"))):
-            forward = swing if z else -swing
-            places = ((0, 1, 0), (0, 0.5, 0.2 + forward), (0, 0.1, forward), (0, 0, 0.2 + forward))
-            at |= {f"{joint}_{side}": np.add(p, (x, 0, z)) for joint, p in zip(chain, places, strict=True)}
-    return np.array([at[joint] for joint in JOINTS], dtype=np.float64)
+STRIDE = """
+hip_center       0   1    0
+spine            0   1.05 0.4
+shoulder_center  0   1    0.8
+head             0   1.2  1.2
+hip_left         0.2 1    0
+knee_left        0.2 0.5 -0.1
+ankle_left       0.2 0.1 -0.3
+foot_left        0.2 0   -0.1
+shoulder_left    0.2 1    0.8
+elbow_left       0.2 0.5  1.3
+wrist_left       0.2 0.1  1.1
+hand_left        0.2 0    1.3
+hip_right       -0.2 1    0
+knee_right      -0.2 0.5  0.4
+ankle_right     -0.2 0.1  0.2
+foot_right      -0.2 0    0.4
+shoulder_right  -0.2 1    0.8
+elbow_right     -0.2 0.5  0.8
+wrist_right     -0.2 0.1  0.6
+hand_right      -0.2 0    0.8
+"""
+PLACES = {joint: place for joint, *place in map(str.split, STRIDE.strip().splitlines())}
+ANIMAL = np.array([PLACES[joint] for joint in JOINTS], dtype=np.float64)
+"""Joints (20, 3) of an animal that looks to +z, in a stride: its left is at +x."""
 
 
 def test_legs_and_trunk_point_as_the_animals_do_and_a_tail_rests_on_the_trunk():
-    made, pose = of_animal(puppet([*LEGS, TAIL])), animal()
+    made, pose = of_animal(puppet([*LEGS, TAIL])), ANIMAL
     bones = bones_of(made.limbs)
-    moves = np.asarray(LimbMotion(made.limbs, SIDES, pose).step(0.0, pose, np.ones(20, np.float32)))
+    moves = np.asarray(LimbMotion(made.limbs, PERFORMER, pose).step(0.0, pose, np.ones(20, np.float32)))
     ways = np.einsum("bi,bij->bj", bones.tails - bones.heads, moves[:, :3])
     joints = [(limb.name, head[0], tail[0]) for limb in made.limbs for head, tail in pairwise(limb.joints)]
     for way, (name, head, tail) in zip(ways, joints, strict=True):
@@ -69,7 +80,7 @@ def test_four_feet_are_held_and_no_leg_steps(standing):
 def test_only_characters_on_four_legs_follow_an_animal(limbed_figure):
     with pytest.raises(SkeletonLogError, match="four-legged skeleton, for a character on 2 legs that step"):
         of_animal(puppet(LEGS[:2]))
-    timeline = Timeline(30.0, np.tile(animal(), (3, 1, 1)), np.ones((3, 20), np.float32), ())
+    timeline = Timeline(30.0, np.tile(ANIMAL, (3, 1, 1)), np.ones((3, 20), np.float32), ())
     assert len([*poses(limbed_figure, timeline, Settings())]) == 3
     with pytest.raises(SkeletonLogError, match="a character on no legs that step"):
         next(poses(limbed_figure, replace(timeline, legs=4), Settings()))

@@ -17,19 +17,17 @@ def handles_of(prepared, rest):
     return np.einsum("hj,fjx->fhx", rows, R - prepared.model.rest_controls) * prepared.mesh.diagonal
 
 
-@pytest.fixture(scope="module")
-def free_rig(blob_file, write_puppet):
-    """The figure with an automatic scale, so that its handles have a reach."""
-    path = write_puppet(blob_file.with_name("free.toml"), blob_file.name, more="[solver]\nfields = 5\nisolines = 6\n")
-    return load_prepared(path)
-
-
 def test_an_exercise_does_not_depend_on_the_number_of_frames_at_a_time(prepared_blob, standing):
     all_at_once = np.concatenate(list(exercise(prepared_blob, standing, 10_000)))
     np.testing.assert_array_equal(np.concatenate(list(exercise(prepared_blob, standing, 7))), all_at_once)
 
 
-def test_each_handle_goes_alone_and_with_all_nearly_to_the_end_of_its_reach_and_never_beyond(free_rig, standing):
+def test_each_handle_goes_alone_and_with_all_nearly_to_the_end_of_its_reach_and_never_beyond(
+    blob_file, write_puppet, standing
+):
+    """With an automatic scale, handles have a reach."""
+    model = "[solver]\nfields = 5\nisolines = 6\n"
+    free_rig = load_prepared(write_puppet(blob_file.with_name("free.toml"), blob_file.name, more=model))
     fit = fit_sizes(free_rig.puppet, make_deformer(free_rig), free_rig.mesh, standing)
     moved, diagonal = handles_of(free_rig, standing), free_rig.mesh.diagonal
     own = moved / free_rig.puppet.mapping.gain[:, None]

@@ -82,6 +82,9 @@ MISTAKES = {
         CHARACTER + '[[handle]]\nname = "a"\nposition = [1, 2, nan]\n',
         "[[handle]] 1 'a', position, 3",
     ),
+    "an unknown channel": (PUPPET + '[[morph]]\ntarget = "a"\nchannel = "loudness"\n', "[[morph]] 1, channel"),
+    "a channel without a range": (PUPPET + '[[channel]]\nname = "smile"\nfull = 0.0\n', "[[channel]] 1 'smile', full"),
+    "a channel that moves nothing": (PUPPET + 'channel = "voice"\n', "[[handle]] 1 'tail', moves"),
     "one table for a list of them": (CHARACTER + "[handle]\nx = 1\n", "handle"),
 }
 

@@ -53,7 +53,10 @@ def test_a_service_that_is_absent_and_what_it_does_not_have_are_told(given_clock
     assert error.value.found == "a closed client"
 
 
-@pytest.mark.parametrize("wrong", [{"address": "carrier://pigeon"}, {"address": "ipc:///tmp/x"}, {"token": "x" * 300}])
+@pytest.mark.parametrize(
+    "wrong",
+    [{"address": "nonsense"}, {"address": "carrier://pigeon"}, {"address": "ipc:///tmp/x"}, {"token": "x" * 300}],
+)
 def test_what_cannot_be_connected_to_is_refused(wrong):
     with pytest.raises(ServiceError):
         connect(**wrong)

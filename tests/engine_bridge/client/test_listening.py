@@ -10,6 +10,7 @@ from engine_bridge.service.protocol.scene import StreamedCharacter
 from puppetline import clock
 from puppetline.errors import ServiceError
 
+from ..refusals import refused
 from ..service.outputs.frames import Open, frame_of
 
 STEP_SECONDS = 0.01
@@ -164,10 +165,8 @@ def test_a_service_that_refuses_the_token_is_told_from_none(token):
     context.destroy(linger=0)
 
 
-@pytest.mark.parametrize("wrong", [{"address": "nonsense"}, {"characters": ("a/b",)}, {"address": "carrier://pigeon"}])
-def test_an_address_that_cannot_be_listened_to_is_refused(wrong):
-    with pytest.raises(ServiceError):
-        listen(**{"address": "127.0.0.1:1", "seconds": 0.1, **wrong})
+def test_a_name_that_no_character_has_is_refused():
+    assert refused(ServiceError, listen, "127.0.0.1:1", seconds=0.1, characters=("a/b",)).where == "--character"
 
 
 def test_messages_that_are_none_are_counted(in_steps):

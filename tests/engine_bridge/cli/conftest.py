@@ -59,15 +59,17 @@ def stage(tmp_path, take, blob_file, write_puppet):
     return write_puppet(tmp_path / "blob.toml", "blob.glb")
 
 
+def contents(folder):
+    """Return the bytes of the files in a folder by their names; None for folders."""
+    return {path.name: path.read_bytes() if path.is_file() else None for path in folder.iterdir()}
+
+
 @pytest.fixture
 def assert_refused(invoke, tmp_path):
     """Assert that a command prints one line with some parts, fails, and changes no file in the folder."""
 
-    def contents():
-        return {path.name: path.read_bytes() if path.is_file() else None for path in tmp_path.iterdir()}
-
     def check(*arguments, parts):
-        before = contents()
+        before = contents(tmp_path)
         result = invoke(*arguments, code=1)
         assert result.stdout == ""
         *before_it, error = result.stderr.splitlines(keepends=True)
@@ -76,6 +78,6 @@ def assert_refused(invoke, tmp_path):
         assert error[-1] == "\n"
         assert "internal error" not in error
         assert [part for part in parts if part not in result.stderr] == []
-        assert contents() == before
+        assert contents(tmp_path) == before
 
     return check

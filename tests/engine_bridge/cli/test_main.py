@@ -147,17 +147,13 @@ def test_a_folder_that_takes_no_files_is_found_out_before_the_work(assert_refuse
     assert_refused("convert", "take.log", "--puppet", stage, "-o", "/proc/out.glb", parts=["/proc/out.glb"])
 
 
-def test_json_of_convert_and_inspect_is_json_and_nothing_else(invoke, stage):
+def test_json_of_convert_is_json_and_nothing_else(invoke, stage):
     converted = invoke("convert", "take.log", "--puppet", stage, "-o", "out.glb", "--targets", "3", "--json")
     summary = json.loads(converted.stdout)
     assert summary["frames"] == 58
     assert summary["targets"] == 3
     assert summary["output"] == "out.glb"
     assert converted.stderr == ""
-    for file, kind in (("out.glb", "character"), ("take.log", "log"), ("blob.toml", "puppet")):
-        result = invoke("inspect", file, "--json")
-        assert json.loads(result.stdout)["kind"] == kind
-        assert result.stderr == ""
 
 
 @pytest.mark.usefixtures("quick_pictures")

@@ -9,6 +9,8 @@ from numba.core import event
 from engine_bridge.cli.main import main
 from engine_bridge.cli.progress import progress
 
+from .conftest import contents
+
 
 class Terminal(io.StringIO):
     """A terminal at which somebody presses Ctrl-C as soon as some words are shown."""
@@ -50,10 +52,6 @@ def test_a_terminal_shows_steps_and_how_many_functions_were_compiled(terminal, c
     assert "Compiling, once: 2" in text
     assert "Compiling, once: 3" not in text
     assert capsys.readouterr().out == ""
-
-
-def contents(folder):
-    return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
 @pytest.mark.usefixtures("quick_pictures")

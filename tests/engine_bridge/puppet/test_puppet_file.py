@@ -4,7 +4,7 @@ import tomllib
 import pytest
 
 from engine_bridge.puppet import puppet_file
-from engine_bridge.puppet.puppet import CharacterTable, HandleTable, Puppet, RetargetTable, RootTable
+from engine_bridge.puppet.puppet import Puppet
 from puppetline.errors import PuppetError
 from puppetline.toml_schema import Table
 
@@ -112,19 +112,9 @@ def test_the_puppet_above_has_every_key_of_a_file():
     }
 
 
-def test_only_what_differs_from_the_defaults_is_written_and_a_root_as_a_whole():
-    made = Puppet(
-        character=CharacterTable(mesh="dog.glb"),
-        handle=[HandleTable(name="tail", position=(0, 1, 2.5), joint="head")],
-        retarget=RetargetTable(mirror=True),
-        root=RootTable(),
-    )
-    assert tomllib.loads(puppet_file.dumps(made)) == {
-        "character": {"mesh": "dog.glb"},
-        "handle": [{"name": "tail", "position": [0.0, 1.0, 2.5], "joint": "head"}],
-        "retarget": {"mirror": True},
-        "root": {"joint": "hip_center", "axes": "xz"},
-    }
+def test_a_root_is_written_as_a_whole():
+    made = puppet_file.loads(PUPPET + "[root]\n", "a.toml")
+    assert tomllib.loads(puppet_file.dumps(made))["root"] == {"joint": "hip_center", "axes": "xz"}
 
 
 @pytest.mark.parametrize(

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -5,8 +6,8 @@ import pytest
 
 from engine_bridge.performance.character_motion import make_deformer
 from engine_bridge.performance.exercise import exercise
-from engine_bridge.performance.prepared_character import load_prepared
 from engine_bridge.performance.retargeting import fit_sizes
+from engine_bridge.puppet.puppet import RetargetTable
 
 
 def handles_of(prepared, rest):
@@ -22,12 +23,10 @@ def test_an_exercise_does_not_depend_on_the_number_of_frames_at_a_time(prepared_
     np.testing.assert_array_equal(np.concatenate(list(exercise(prepared_blob, standing, 7))), all_at_once)
 
 
-def test_each_handle_goes_alone_and_with_all_nearly_to_the_end_of_its_reach_and_never_beyond(
-    blob_file, write_puppet, standing
-):
+def test_each_handle_goes_alone_and_with_all_nearly_to_the_end_of_its_reach_and_never_beyond(prepared_blob, standing):
     """With an automatic scale, handles have a reach."""
-    model = "[solver]\nfields = 5\nisolines = 6\n"
-    free_rig = load_prepared(write_puppet(blob_file.with_name("free.toml"), blob_file.name, more=model))
+    free = prepared_blob.puppet.model_copy(update={"retarget": RetargetTable()})
+    free_rig = replace(prepared_blob, puppet=free)
     fit = fit_sizes(free_rig.puppet, make_deformer(free_rig), free_rig.mesh, standing)
     moved, diagonal = handles_of(free_rig, standing), free_rig.mesh.diagonal
     own = moved / free_rig.puppet.mapping.gain[:, None]

@@ -180,19 +180,19 @@ def test_a_damaged_calibration_is_ignored_with_a_note(write_take, damaged):
     assert notes == ("A calibration in the take is damaged and was ignored.",)
 
 
-@pytest.mark.parametrize(
-    ("do", "arguments"),
-    [
-        ("stage", {}),
-        ("stage", {"characters": [1, 2]}),
-        ("stage", {"characters": {"dog": None, "cat": {"user": [], "calibration": None}}}),
-        ("choose_user", {"character": [], "user": {}}),
-    ],
-)
-def test_cues_of_other_forms_are_ignored(write_take, calibration, do, arguments):
-    cue, good = Cue(0.0, do, arguments), calibration()
+CUES_OF_OTHER_FORMS = [
+    Cue(0.0, "stage", {}),
+    Cue(0.0, "stage", {"characters": [1, 2]}),
+    Cue(0.0, "stage", {"characters": {"dog": None, "cat": {"user": [], "calibration": None}}}),
+    Cue(0.0, "choose_user", {"character": [], "user": {}}),
+]
+
+
+def test_cues_of_other_forms_are_ignored(write_take, calibration):
+    good = calibration()
     unnamed = begin(0.5, good, ["dog"])
-    assert same(found(write_take(cue, unnamed))[0], good)
-    used, notes = found(write_take(cue, begin(0.2, None), begin(0.3, 7), unnamed, users=(1, 2)))
+    assert same(found(write_take(*CUES_OF_OTHER_FORMS, unnamed))[0], good)
+    damaged = begin(0.2, None), begin(0.3, 7)
+    used, notes = found(write_take(*CUES_OF_OTHER_FORMS, *damaged, unnamed, users=(1, 2)))
     assert same(used, good)
     assert notes[0] == "2 calibrations in the take are damaged and were ignored."

@@ -10,7 +10,6 @@ from engine_bridge.puppet.rig_limbs import limbs_of_joints
 
 from .skeletons import FRONT, UP, assert_stands, joints_at, points_of
 
-
 FISH = """
 Tail   -      0   0  -2     0.4 0 -1.2  -0.4 0 -1.2  0.4 0 -3  -0.4 0 -3
 Spine  Tail   0   0  -1

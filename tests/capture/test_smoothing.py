@@ -86,14 +86,6 @@ def test_straight_motion_between_15_hz_frames_has_the_same_output_at_30_and_60_h
         assert_allclose(fast, slow, rtol=0, atol=1e-12)
 
 
-def test_constant_velocity_is_followed_without_lag_whatever_came_before():
-    times = np.cumsum(np.random.default_rng(2).uniform(0.01, 0.1, 400))
-    line = np.array([0.4, -0.3, 0.9]) * times[:, None, None] + np.zeros((400, 20, 3))
-    line[:20] += random_walk(20, step=0.2)
-    out = run(Smoothing(0.3, 0.4, **EQ_4_ONLY), times, line)
-    assert_allclose(out[-50:], line[-50:], rtol=0, atol=1e-12)
-
-
 @pytest.mark.parametrize(("position", "confidence"), [(np.nan, TRACKED), (7.0, LOST)])
 def test_a_lost_joint_holds_its_last_output_and_starts_afresh(position, confidence):
     p, sure, times = random_walk(30), np.ones((30, 20), dtype=np.float32), np.arange(30) / 30

@@ -54,6 +54,9 @@ def person(frames=4):
 
 
 PERSON = person()
+MATRICES = np.tile(np.eye(4), (*PERSON.shape[:2], 1, 1))
+MATRICES[..., :3, 3] = PERSON
+"""Matrices (T, 20, 4, 4) whose origins are the joints; some programs write them by columns."""
 
 
 def moving(frames=40):

@@ -18,7 +18,7 @@ from capture.skeleton import JOINT_INDEX, JOINTS
 from puppetline.errors import SkeletonLogError
 
 from ..bodies import both
-from .people import LIMBS, PERSON, assert_reads, joints_as
+from .people import LIMBS, MATRICES, PERSON, assert_reads, joints_as
 from .test_joint_order import moving
 
 
@@ -37,13 +37,6 @@ def of_names(places):
     return dict(zip(JOINTS, places, strict=True))
 
 
-def matrices(*, by_columns):
-    """Return matrices (T, 20, 4, 4) whose origins are a person's joints."""
-    axes = np.tile(np.eye(4), (*PERSON.shape[:2], 1, 1))
-    axes[..., :3, 3] = PERSON
-    return axes.swapaxes(2, 3) if by_columns else axes
-
-
 AXES = dict(zip("xyz", np.moveaxis(PERSON, 2, 0), strict=True))
 MOCAP_TOOLBOX = {"markerName": np.array(JOINTS, dtype=object)[:, None], "data": PERSON.reshape(len(PERSON), -1)}
 QUALISYS = of_names(PERSON.swapaxes(0, 1))
@@ -52,8 +45,8 @@ QUALISYS = of_names(PERSON.swapaxes(0, 1))
 @pytest.mark.parametrize(
     ("content", "step"),
     [
-        (npy(matrices(by_columns=False)), 1 / 30),
-        (npy(matrices(by_columns=True)), 1 / 30),
+        (npy(MATRICES), 1 / 30),
+        (npy(MATRICES.swapaxes(2, 3)), 1 / 30),
         (npz(**{f"joints_{axis}": places for axis, places in AXES.items()}), 1 / 30),
         (mat({axis.upper(): places for axis, places in AXES.items()}), 1 / 30),
         (npy(PERSON.transpose(0, 2, 1).reshape(len(PERSON), -1)), 1 / 30),

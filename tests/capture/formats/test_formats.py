@@ -2,12 +2,10 @@ import numpy as np
 import pytest
 
 from capture.formats import read_log, recognize
-from capture.formats.options import ReadOptions
-from capture.skeleton import JOINTS, MAX_DISTANCE_METRES
+from capture.skeleton import MAX_DISTANCE_METRES
 from puppetline.errors import SkeletonLogError
 
 from ...recordings import record, tracked_frame
-from .people import PERSON, assert_reads
 
 FORMAT_OF_FOLDER = {
     "bvh": "bvh",
@@ -40,18 +38,6 @@ def test_a_log_is_found_by_content_and_a_position_out_of_range_refused_with_its_
         read_log(recorded(tmp_path / "take.log", poses))
     assert error.value.where.endswith("frame 2 (second 0.0666667), head")
     assert error.value.found == "-1e+04 m"
-
-
-def test_a_table_whose_columns_only_the_user_can_name_is_read(tmp_path):
-    path, columns = tmp_path / "take.csv", tmp_path / "columns.toml"
-    names = [[f"m{joint}{axis}" for axis in "abc"] for joint in range(20)]
-    header = ",".join(name for own in names for name in own)
-    np.savetxt(path, PERSON.reshape(len(PERSON), -1), delimiter=",", header=header, comments="")
-    columns.write_text("\n".join(f"{joint} = {own}" for joint, own in zip(JOINTS, names, strict=True)))
-    with pytest.raises(SkeletonLogError):
-        read_log(path)
-    (clip,) = read_log(path, ReadOptions(columns=columns))
-    assert_reads(clip, atol=1e-12)
 
 
 def test_each_real_file_is_recognised(real_data):

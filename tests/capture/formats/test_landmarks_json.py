@@ -13,7 +13,7 @@ from capture.skeleton import JOINT_INDEX, JOINTS
 from puppetline.errors import SkeletonLogError
 
 from ..bodies import both
-from .people import BLAZEPOSE, LIMBS, PERSON, POINTS, assert_reads, joints_as, person
+from .people import BLAZEPOSE, LIMBS, MATRICES, PERSON, POINTS, assert_reads, joints_as, person
 
 FRAMES = range(len(PERSON))
 
@@ -78,13 +78,7 @@ def test_forms_of_frames_and_poses(read, form, frames):
     assert_reads(clip, joints=LIMBS, step=1 / 25 if form == "objects" else 1 / 30)
 
 
-def matrices(*, by_columns):
-    """Return matrices (T, 20, 4, 4) whose origins are the person's joints."""
-    axes = np.tile(np.eye(4), (*PERSON.shape[:2], 1, 1))
-    axes[..., :3, 3] = PERSON
-    return axes.swapaxes(2, 3) if by_columns else axes
-
-
+BY_COLUMNS = MATRICES.swapaxes(2, 3)
 COLUMNS = {
     f"{joint}_{axis}": PERSON[:, k, a].tolist() for k, joint in enumerate(JOINTS) for a, axis in enumerate("xyz")
 }
@@ -97,13 +91,12 @@ TABLES = {
     "columns of axes": {joint: {axis: COLUMNS[f"{joint}_{axis}"] for axis in "xyz"} for joint in JOINTS},
     "tracks": {"tracks": elements(PERSON.swapaxes(0, 1).tolist(), "positions")},
     "texts": [named(["({}, {}, {})".format(*point) for point in pose], JOINTS) for pose in PERSON],
-    "matrices": [{"joints": elements(pose, "transform")} for pose in matrices(by_columns=False).tolist()],
-    "matrices by columns": [{"joints": elements(pose, "transform")} for pose in matrices(by_columns=True).tolist()],
+    "matrices": [{"joints": elements(pose, "transform")} for pose in MATRICES.tolist()],
+    "matrices by columns": [{"joints": elements(pose, "transform")} for pose in BY_COLUMNS.tolist()],
     "matrices of ARKit": [
-        named([{"modelTransform": {"columns": each}} for each in pose], JOINTS)
-        for pose in matrices(by_columns=True).tolist()
+        named([{"modelTransform": {"columns": each}} for each in pose], JOINTS) for pose in BY_COLUMNS.tolist()
     ],
-    "matrices in a list": [named(pose, JOINTS) for pose in matrices(by_columns=True).reshape(-1, 20, 16).tolist()],
+    "matrices in a list": [named(pose, JOINTS) for pose in BY_COLUMNS.reshape(-1, 20, 16).tolist()],
     "samples": {
         "name": "wave",
         "samples": [{"rate": 30, "frames": [{"jointCount": 20, "values": pose.ravel().tolist()} for pose in PERSON]}],

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from capture.formats import table
+from capture.formats import read_log, table
 from capture.formats._cells import vector
 from capture.formats.layouts import JOINT_SETS
 from capture.formats.options import ReadOptions
@@ -301,8 +301,11 @@ def test_a_file_names_columns_that_have_no_names_for_joints(read, tmp_path):
     names = tmp_path / "columns.toml"
     text = ['time = "clock"', *(f'{joint} = ["m{k}a", "m{k}b", "m{k}c"]' for k, joint in enumerate(JOINTS))]
     names.write_text("\n".join(text))
-    [clip] = read(table, lines, columns=names)
+    [clip], [same] = read(table, lines, columns=names), read_log(tmp_path / "take", ReadOptions(columns=names))
     assert_reads(clip, step=1 / 25)
+    assert_reads(same, step=1 / 25)
+    with pytest.raises(SkeletonLogError):
+        read_log(tmp_path / "take")
     assert table.columns(tmp_path / "take", ReadOptions(columns=names))["m0a"] == "hip_center x"
     for wrong in ("\n".join(text).replace("m3b", "missing"), "", text[0], 'head = "m0a"', "head = []"):
         names.write_text(wrong)

@@ -34,15 +34,6 @@ def test_confidence_is_tracked_inferred_or_lost(listen):
     assert_allclose(known(frame)["head"], [0.1, 0.2, 1.5], rtol=1e-15)
 
 
-def test_two_performers_in_each_others_datagrams_are_separated(listen):
-    poses = {0: WALK[0], 5: WALK[5]}
-    each = [_joints(pose, user=user) for user, pose in poses.items()]
-    frames = listen().events(*(datagram for pair in zip(*each, strict=True) for datagram in pair), count=2)
-    assert [frame.user for frame in frames] == [0, 5]
-    for frame in frames:
-        assert_allclose(frame.positions, poses[frame.user], atol=1e-6)
-
-
 def test_hands_and_faces_are_not_needed(listen):
     assert not listen().refused(
         message("/osceleton2/hand", "iiiffffifd", 0, 1, 1, 0.0, 0.0, 0.0, 1.0, 2, 1.0, 5.0),

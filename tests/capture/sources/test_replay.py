@@ -117,13 +117,6 @@ def test_in_a_loop_the_first_pass_is_exact_and_times_increase(of_events, given_c
     assert [event.time for event in came] == sorted(event.time for event in came)
 
 
-def test_several_performers_play_together(given_clock):
-    clips = [random_clip([0.0, 0.05, 0.1], user=4), random_clip([0.02, 0.05], user=7)]
-    came = events(RecordingSource.of_clips("demo:x", clips), given_clock)
-    expected = sorted((frame for clip in clips for frame in clip.frames()), key=lambda frame: (frame.time, frame.user))
-    assert list(map(key, came)) == list(map(key, expected))
-
-
 def test_ticks_fill_the_gaps_of_a_recording(of_events, given_clock):
     clip = random_clip([1.0, 1.05, 2.0, 2.09])
     ticks = [Tick(1.05 + k * TICK_SECONDS) for k in range(1, 29)]

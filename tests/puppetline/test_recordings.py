@@ -4,6 +4,9 @@ import pytest
 import puppetline as pl
 from capture.skeleton import JOINT_INDEX
 
+from ..capture.bodies import STANDS
+from ..recordings import tracked_frame
+
 
 def test_a_recording_has_the_frames_of_its_file_and_its_rest_pose(take, dance, frames):
     recording = pl.load_recording(str(take))
@@ -16,17 +19,12 @@ def test_a_recording_has_the_frames_of_its_file_and_its_rest_pose(take, dance, f
     assert repr(recording) == "<puppetline.Recording dance.log: 1.9 s, Puppetline's own recordings>"
 
 
-def test_one_of_several_performers_is_chosen(record_events, frames, dance, tmp_path):
-    moving = frames(dance())
-    gone = [frame for frame in frames(np.add(dance(), [1, 0, 0])) if frame.time < 1]
-    both = sorted(
-        [*moving, *(type(each)(each.time, 2, each.positions, each.confidence) for each in gone)],
-        key=lambda each: each.time,
-    )
-    path = record_events(tmp_path / "two.log", both)
+def test_one_of_several_performers_is_chosen(record_events, tmp_path):
+    seen = [(k / 30, STANDS + k / 300 + user, user) for k in range(58) for user in (1, 2) if user == 1 or k < 30]
+    path = record_events(tmp_path / "two.log", [tracked_frame(*each) for each in seen])
     assert (pl.load_recording(path).user, pl.load_recording(path).users) == (1, (1, 2))
     second = next(pl.load_recording(path, user=2).frames())
-    np.testing.assert_allclose(second.positions, gone[0].positions, atol=1e-4)
+    np.testing.assert_allclose(second.positions, STANDS + 2, atol=1e-4)
     with pytest.raises(pl.PuppetlineError) as error:
         pl.load_recording(path, user=3)
     assert error.value.found == "no user 3"

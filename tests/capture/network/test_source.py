@@ -18,7 +18,6 @@ from capture.network.osc import REASONS, bundle, encode
 from capture.network.source import MAX_DATAGRAMS, MAX_MESSAGES, MAX_PERFORMERS, OSC_PORT, VMC_PORT, open_osc, open_vmc
 from capture.skeleton import JOINT_INDEX, SkeletonFrame
 from puppetline.clock import use
-from puppetline.errors import SourceError
 
 from ...clock import GivenClock
 from ...effort import EFFORT
@@ -55,10 +54,9 @@ def test_the_default_ports_are_those_of_the_programs_and_one_in_use_is_refused_w
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         with suppress(OSError):  # a program on this machine uses it
             other.bind(("127.0.0.1", port))
-        with pytest.raises(SourceError) as caught:
-            opened("")
-    assert caught.value.where == f"{scheme}:"
-    assert f"UDP port {port}" in caught.value.found
+        error = refused(opened, "")
+    assert error.where == f"{scheme}:"
+    assert f"UDP port {port}" in error.found
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from capture.trackers.picture import Picture
 from puppetline.errors import SourceError
 
 from ...waiting import wait_until
-from ..conftest import LENS
+from ..conftest import LENS, ScriptedTracker
 from .rooms import LENS as ROOM_LENS
 from .rooms import room
 
@@ -29,27 +29,22 @@ def _told(events):
     return [(type(event).__name__, event.user) for event in events]
 
 
-class Halting:
-    """A tracker that waits with each image until a test lets it continue."""
+class Halting(ScriptedTracker):
+    """Waits with each image until a test lets it continue."""
 
-    name = "a halting tracker"
-
-    def __init__(self, tracker):
-        self.tracker = tracker
+    def __init__(self):
+        super().__init__(1)
         self.begun, self.go_on = threading.Semaphore(0), threading.Semaphore(0)
 
     def track(self, picture):
         self.begun.release()
         assert self.go_on.acquire()
-        return self.tracker.track(picture)
-
-    def close(self):
-        self.tracker.close()
+        return super().track(picture)
 
 
 @pytest.fixture
-def halting(scripted_tracker):
-    return Halting(scripted_tracker)
+def halting():
+    return Halting()
 
 
 def test_a_performer_in_an_image_is_a_frame_at_the_images_time(watch, scripted_device, standing, caplog):
@@ -91,7 +86,7 @@ def test_performers_found_and_lost_are_events_in_order(watch, scripted_device, s
 
 
 def test_the_newest_image_is_tracked_and_the_others_count_as_dropped_and_every_frame_is_received(
-    watch, scripted_device, scripted_tracker, halting
+    watch, scripted_device, halting
 ):
     watched = watch(tracker=halting)
     scripted_device.show(0.0)
@@ -99,10 +94,10 @@ def test_the_newest_image_is_tracked_and_the_others_count_as_dropped_and_every_f
     scripted_device.show(0.001, 0.002, 0.003)
     wait_until(lambda: watched.source.counts.received == 4)
     halting.go_on.release(2)
-    wait_until(lambda: len(scripted_tracker.seen) == 2)
+    wait_until(lambda: len(halting.seen) == 2)
     first, second = watched.events(2)
     assert first.time < second.time
-    assert (scripted_tracker.seen, watched.source.counts.dropped) == ([0.0, 0.003], 2)
+    assert (halting.seen, watched.source.counts.dropped) == ([0.0, 0.003], 2)
 
 
 @pytest.fixture
@@ -112,9 +107,7 @@ def dated(monkeypatch):
 
 
 @pytest.mark.usefixtures("dated")
-def test_an_image_that_is_or_becomes_too_old_is_never_tracked(
-    watch, scripted_device, scripted_tracker, halting, standing
-):
+def test_an_image_that_is_or_becomes_too_old_is_never_tracked(watch, scripted_device, halting, standing):
     watched, start = watch(tracker=halting), standing.now()
     halting.go_on.release(2)
     scripted_device.show(start - 1.01 * MAX_AGE_SECONDS, start)
@@ -130,17 +123,17 @@ def test_an_image_that_is_or_becomes_too_old_is_never_tracked(
     assert watched.events()[0].time >= start + 0.001
     scripted_device.show(standing.now())
     assert watched.events()[0].time == standing.now()
-    assert scripted_tracker.seen == [start, start + 0.001, standing.now()]
+    assert halting.seen == [start, start + 0.001, standing.now()]
     assert watched.source.counts.dropped >= 1
 
 
 @pytest.mark.usefixtures("dated")
-def test_a_lost_performer_is_reported_however_late(watch, scripted_device, scripted_tracker, halting, standing):
+def test_a_lost_performer_is_reported_however_late(watch, scripted_device, halting, standing):
     watched = watch(tracker=halting)
     halting.go_on.release()
     scripted_device.show(standing.now())
     watched.events()
-    scripted_tracker.users = ()
+    halting.users = ()
     standing.advance(0.01)
     scripted_device.show(standing.now())
     for _ in range(2):
@@ -150,28 +143,21 @@ def test_a_lost_performer_is_reported_however_late(watch, scripted_device, scrip
     assert _told(watched.events()) == [("Lost", 1)]
 
 
-class Slow:
-    """A tracker that takes `takes` seconds, at first longer than the maximum age of an image."""
+class Slow(ScriptedTracker):
+    """Takes `takes` seconds, at first longer than the maximum age of an image."""
 
-    name = "a slow tracker"
-
-    def __init__(self, tracker, clock):
-        self.tracker, self._clock = tracker, clock
-        self.takes = 1.5 * MAX_AGE_SECONDS
+    def __init__(self, clock):
+        super().__init__(1)
+        self._clock, self.takes = clock, 1.5 * MAX_AGE_SECONDS
 
     def track(self, picture):
         self._clock.advance(self.takes)
-        return self.tracker.track(picture)
-
-    def close(self):
-        self.tracker.close()
+        return super().track(picture)
 
 
 @pytest.mark.usefixtures("dated")
-def test_ticks_wait_for_late_frames_on_a_slow_machine_which_is_logged_once(
-    watch, scripted_device, scripted_tracker, caplog, standing
-):
-    slow = Slow(scripted_tracker, standing)
+def test_ticks_wait_for_late_frames_on_a_slow_machine_which_is_logged_once(watch, scripted_device, caplog, standing):
+    slow = Slow(standing)
     watched, events, shown = watch(tracker=slow), [], []
 
     def perform():

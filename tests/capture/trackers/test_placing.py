@@ -42,26 +42,12 @@ def around(joint, up, down, left, right):
 
 
 @pytest.fixture(scope="module")
-def placing(interpreted):
-    return interpreted("capture.trackers.placing")
-
-
-@pytest.fixture
-def BodyPlacer(placing):  # noqa: N802
-    return placing.BodyPlacer
+def BodyPlacer(interpreted):  # noqa: N802
+    return interpreted("capture.trackers.placing").BodyPlacer
 
 
 def placed(placer, depth=None, time=0.0, pixels=None, posture=POSTURE, confidence=TRACKED_ALL):
     return placer.place(time, LENS, LENS.project(TRUTH) if pixels is None else pixels, posture, confidence, depth)
-
-
-@pytest.mark.parametrize("place", [(0.0, 0.0, 2.0), (0.8, -0.3, 3.5), (-1.5, 0.4, 1.2)])
-def test_the_distance_of_a_posture_is_exact(placing, place):
-    posture = TRUTH - TRUTH[0]
-    joints = posture + place
-    assert placing.distance_of(posture, joints / joints[:, 2:], np.linspace(0.1, 1, 20)) == pytest.approx(
-        place[2], abs=1e-6
-    )
 
 
 def test_the_height_determines_the_scale_without_depth(BodyPlacer):

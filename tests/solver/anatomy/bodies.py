@@ -25,16 +25,18 @@ ENDS = {"head": (0, 1.8, 0.02), "wrist": (0.88, 1.43, 0), "toes": (0.1, 0.0, 0.2
 """Ends beyond the last joints."""
 
 
-def person(votes=None, sides=None, quarters=None, order=None, turn=None, scale=1.0, shift=(0, 0, 0)):
+def person(votes=None, sides=None, quarters=None, order=None, more=None, turn=None, scale=1.0, shift=(0, 0, 0)):
     """Return the graph of a person in a T-pose, and its joints' names, in `order` where that is given.
 
-    Names may vote for a label, or tell a side or what is in front; `turn` are the axes of the new coordinates as rows.
+    Names may vote for a label, or tell a side or what is in front. `more` joints have a parent, a place and an end;
+    `turn` are the axes of the new coordinates as rows.
     """
     joints = {}
     for name, (parent, place) in PERSON.items():
         for side, sign in (("", 1),) if place[0] == 0 else (("left ", 1), ("right ", -1)):
             above = side + parent if side + parent in joints else parent
             joints[side + name] = (above, place * [sign, 1, 1], np.multiply(ENDS.get(name, place), [sign, 1, 1]))
+    joints |= more or {}
     names = list(joints) if order is None else order
     turn = np.eye(3) if turn is None else np.asarray(turn, float)
 

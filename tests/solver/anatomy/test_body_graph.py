@@ -1,7 +1,5 @@
 """A body's tree: its lengths and ways by hand, and its pairs whatever the order, scale, place and direction."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,7 +7,7 @@ from hypothesis import strategies as st
 
 from solver.anatomy.body_graph import find_pairs
 
-from .bodies import person
+from .bodies import PERSON, person
 
 PAIRS = {("left arm", "right arm"), ("left hip", "right hip")}
 
@@ -68,22 +66,14 @@ def test_names_with_one_side_or_different_labels_speak_against_a_pair():
 
 def test_what_is_within_a_limb_of_one_side_is_no_pair():
     """Two fingers of a hand are as alike as the limbs of a body."""
-    graph, names = person()
-    hand = names.index("left wrist")
-    fingers = graph.places[hand] + np.array([[0.05, 0, 0], [0.15, 0, 0]])
-    more = {
-        "places": np.vstack([graph.places, fingers]),
-        "tips": np.vstack([graph.tips, np.add(fingers, [(-0.1, -0.3, 0), (0.1, -0.3, 0)])]),
-        "parents": np.append(graph.parents, [hand, hand]),
-        "votes": np.vstack([graph.votes, np.zeros((2, graph.votes.shape[1]))]),
-        "radii": np.append(graph.radii, [0.06, 0.06]),
-        "masses": np.append(graph.masses, [0.1, 0.1]),
-        "faces": np.append(graph.faces, [False, False]),
-        "quarters": np.append(graph.quarters, [0.0, 0.0]),
+    wrist = PERSON["wrist"][1]
+    fingers = {
+        f"left finger {side}": ("left wrist", *np.add(wrist, [(0.1 + 0.05 * side, 0, 0), (0.1 + 0.15 * side, -0.3, 0)]))
+        for side in (-1, 1)
     }
-    sides = np.where([name.startswith("left") for name in names], 1.0, 0.0)
-    within = replace(graph, **more, sides=np.append(sides, [1.0, 1.0]))
-    assert not any(pair.one >= len(names) or pair.other >= len(names) for pair in find_pairs(within, 0)[0])
+    left = [name for name in (*person()[1], *fingers) if name.startswith("left")]
+    graph, names = person(sides=dict.fromkeys(left, 1.0), more=fingers)
+    assert not {*fingers} & {name for pair in named(find_pairs(graph, 0)[0], names) for name in pair}
 
 
 def test_halves_of_a_body_are_no_pair():

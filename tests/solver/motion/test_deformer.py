@@ -55,6 +55,20 @@ class Plain:
         return polar.of_matrices((reader @ R).reshape(-1, 3, 3)).reshape(-1, 3)
 
 
+# --- invariants
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize(("seed", "degrees"), [(2, 120), (4, 179)])
+def test_rigid_motion_of_all_handles_is_rigid_motion_of_all_vertices(
+    bound, creature, creature_model, surface, turn, mode, seed, degrees
+):
+    deformer = bound(mode=mode, iterations=20)
+    rotation, offset = turn(seed, degrees), np.random.default_rng(seed).normal(size=3)
+    found = surface(creature_model, creature, deformer.solve(deformer.handles @ rotation + offset))
+    assert_allclose(found, creature.vertices @ rotation + offset, rtol=0, atol=1e-3 * creature.diagonal)
+
+
 # --- the equations
 
 

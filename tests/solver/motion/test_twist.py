@@ -20,6 +20,13 @@ def taken_back(turns, start, line):
     return matrix_blocks.unpack_rows(packed, matrix_blocks.matrix_row_places(COUNT)).reshape(-1, 3, 3)
 
 
+@pytest.mark.parametrize("angle", [0.0, 0.3, 2.0, np.pi - 1e-3, np.pi])
+def test_a_rigid_motion_is_found(rng, angle):
+    points = rng.normal(size=(6, 3))
+    turn = Rotation.from_rotvec(angle * np.array([2, -1, 2]) / 3).as_matrix().T
+    assert_allclose(twist.rigid_fit(points, points @ turn + [1, 2, 3]), turn, atol=1e-7)
+
+
 def test_points_on_a_line_turn_as_little_as_they_can():
     points = np.outer(np.linspace(-1, 1, 4), [1.0, 0, 0])
     found = twist.rigid_fit(points, np.outer(np.linspace(-1, 1, 4), [0.0, 1, 0]))

@@ -238,14 +238,18 @@ def clips_of(path: Path, log_format: str, document: Any, options: ReadOptions) -
         The poses are no person's.
     """
     people: dict[int, list[tuple[int, dict[str, Any], _Pose]]] = {}
-    frames = _frames(document, named=True)
+    frames, count = _frames(document, named=True)
     named = bool(frames)
-    for index, frame in enumerate(frames or _frames(document, named)):
+    if not named:
+        frames, count = _frames(document, named)
+    notes = (f"The file has {count} recordings. The longest one is read.",) if count > 1 else ()
+    for index, frame in enumerate(frames):
         for order, (owner, pose) in enumerate(_poses(frame, named)):
             keys = _PERSON_IDS if owner is frame else _IDS  # a frame's own id may be its number
             user = next((int(owner[key]) for key in keys if str(owner.get(key, "")).isdecimal()), order)
             people.setdefault(user, []).append((index, frame if isinstance(frame, dict) else {}, pose))
-    return [replace(_clip(path, log_format, seen, options), user=user) for user, seen in people.items()]
+    clips = {user: _clip(path, log_format, seen, options) for user, seen in people.items()}
+    return [replace(clip, user=user, notes=(*notes, *clip.notes)) for user, clip in clips.items()]
 
 
 def _clip(
@@ -317,23 +321,24 @@ def _point_sizes(count: int) -> list[int]:
     return [size for size in (3, 4) if count % size == 0 and count // size in _SIZES]
 
 
-def _frames(document: Any, named: bool) -> list[Any]:
-    """Return the frames of a document; `named` as in `_pose`."""
+def _frames(document: Any, named: bool) -> tuple[list[Any], int]:
+    """Return the frames of a document, and of how many recordings they are the longest; `named` as in `_pose`."""
     if _pose(document, named) is not None:
-        return [document]
+        return [document], 1
     if isinstance(document, list) and any(_poses(frame, named) for frame in document[:: len(document) // 50 + 1]):
-        inner = [frames for each in document if isinstance(each, dict) and len(frames := _frames(each, named)) > 1]
+        inner = [frames for each in document if isinstance(each, dict) and len(frames := _frames(each, named)[0]) > 1]
         longest: list[Any] = max(inner, key=len, default=[])
-        return longest if len(longest) > (MAX_PEOPLE if len(document) > 1 else 1) else document
+        are_recordings = len(longest) > (MAX_PEOPLE if len(document) > 1 else 1)
+        return (longest, len(inner)) if are_recordings else (document, 1)
     if isinstance(document, dict):
         is_numbered = all(key.replace(".", "", 1).isdecimal() for key in document)
         are_frames = len(document) > MAX_POSES and not any(map(_NO_POSE.search, document))
         if document and (is_numbered or (are_frames and all(_poses(value, named) for value in document.values()))):
-            return list(document.values())
+            return list(document.values()), 1
         for value in document.values():
-            if isinstance(value, (list, dict)) and _pose(value, named) is None and (frames := _frames(value, named)):
-                return frames
-    return [document] if _poses(document, named) else []
+            if isinstance(value, (list, dict)) and _pose(value, named) is None and (found := _frames(value, named))[0]:
+                return found
+    return [document] if _poses(document, named) else [], 1
 
 
 def _name(value: dict[str, Any]) -> str:

@@ -140,6 +140,7 @@ def test_the_longest_of_several_samples_is_read(read):
     frames = [{"values": pose} for pose in person(40).reshape(40, -1).tolist()]
     [clip] = read(landmarks_json, json.dumps({"samples": [{"frames": frames[: 40 - k]} for k in range(3)]}))
     assert_reads(clip, person(40))
+    assert clip.notes[0] == "The file has 3 recordings. The longest one is read."
 
 
 @pytest.mark.parametrize(("size", "joint_set"), [(3, "kinect_v1"), (4, "nite")])

@@ -47,6 +47,14 @@ def write(store, job):
     return make
 
 
+def test_a_record_is_read_as_it_was_written(store, job, write):
+    record = write(a=b"result")
+    assert store.load(job.name) == record
+    assert store.is_current(record, job)
+    assert [each for _, each in store.records()] == [record]
+    assert partial(store.folder) == []
+
+
 @pytest.mark.parametrize("content", [b"", b"{", b'{"identity": "x"}', b"[]", b"\xff"])
 def test_a_damaged_record_is_none(store, job, write, content):
     write(a=b"result")
@@ -54,6 +62,17 @@ def test_a_damaged_record_is_none(store, job, write, content):
     path.write_bytes(content)
     assert store.load(job.name) is None
     assert list(store.records()) == []
+
+
+def test_a_result_is_out_of_date_if_anything_that_made_it_has_changed(store, job, write):
+    record = write(a=b"result")
+    assert not store.is_current(record, replace(job, identity="other"))
+    job.log.write_bytes(b"recordinG")
+    assert not store.is_current(record, job)
+    job.log.write_bytes(b"recording")  # with another time, but the same content
+    assert store.is_current(record, job)
+    job.log.unlink()
+    assert not store.is_current(record, job)
 
 
 @pytest.mark.parametrize("content", [None, b"", b"resul", b"resulT"])
@@ -64,6 +83,12 @@ def test_a_result_that_is_absent_or_other_than_recorded_is_not_whole(store, writ
         path.write_bytes(content)
         os.utime(path, ns=(0, record.files["p/x/a.glb"].modified + 1))
     assert not store.is_whole(record)
+
+
+def test_results_that_are_not_made_any_more_are_deleted(store, write):
+    write(a=b"1", b=b"2")
+    write(b=b"3")
+    assert [path.name for path in store.folder.rglob("*.glb")] == ["b.glb"]
 
 
 def test_an_error_leaves_the_former_result_and_no_partial_file(store, job, write):

@@ -1,7 +1,10 @@
 import json
 
+import pytest
+
 from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.puppet_values import merged, puppet_of, values_of
+from puppetline.errors import PuppetError
 
 
 def test_values_are_json_and_return_the_same_puppet(limbed_puppet):
@@ -21,6 +24,14 @@ def test_the_page_does_not_choose_the_mesh(limbed_puppet):
     assert puppet_of({key: value for key, value in values.items() if key != "character"}, "b").character.mesh == "b"
     moved = puppet.character.model_copy(update={"mesh": "/home/somebody/blob.glb"})
     assert values_of(puppet.model_copy(update={"character": moved}))["character"]["mesh"] == "blob.glb"
+
+
+def test_a_mistake_is_named(limbed_puppet):
+    values = values_of(puppet_file.load(limbed_puppet))
+    values["limb"][1]["joints"][0] = "shoulder_centre"
+    with pytest.raises(PuppetError) as caught:
+        puppet_of(values, "blob.glb")
+    assert caught.value.where == "the puppet, [[limb]] 2 'head', joints, 1"
 
 
 def test_tables_are_merged_and_lists_replaced():

@@ -1,5 +1,6 @@
 import math
 
+import numpy as np
 import pytest
 
 from capture.network.osc import bundle
@@ -28,8 +29,10 @@ def test_a_walk_is_received(listen):
     assert lost.user == 4
 
 
-def test_without_its_mirror_sides_and_x_are_exchanged_once_more(listen):
-    """A quarter of the image to the left, which is 2.2446 m wide at 2 m."""
+def test_joints_equal_values_by_hand_and_without_its_mirror_sides_and_x_are_exchanged_once_more(listen):
+    """A quarter of the image to the right and up; the image is 2.2446 m wide and 1.6815 m high at 2 m."""
+    place = known(listen().frame(bundle(_joint("waist", 0.75, 0.25, 2000.0))))["hip_center"]
+    np.testing.assert_allclose(place, [0.56114, 0.42037, 2.0], atol=1e-4)
     frame = listen("?mirrored=1").frame(bundle(_joint("l_hand", 0.25, 0.5, 2000.0)))
     assert known(frame).keys() == {"hand_right"}
     assert known(frame)["hand_right"][0] == pytest.approx(0.56114, abs=1e-4)

@@ -1,3 +1,4 @@
+import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
@@ -38,6 +39,14 @@ def test_a_walk_is_received_and_without_depth_it_is_flat(listen, layout, scale, 
         flat = layout in ("animata", "flat quartz")
         assert_of_fifteen(frame.positions, frame.confidence, pose * [1, 1, 0] + [0, 0, 2.5] if flat else pose)
     assert not wire.source.counts.refused
+
+
+def test_joints_equal_values_by_hand(listen):
+    frame = listen().frame(bundle(osceleton("head", 1, 0.375, 0.25, 1.5625), osceleton("l_elbow", 1, 0.25, 0.5, 1.25)))
+    places = known(frame)
+    assert places.keys() == {"head", "elbow_right"}
+    assert_allclose([*places.values()], [[-0.32, 0.48, 2.0], [-0.64, 0.0, 1.6]], atol=1e-15)
+    assert np.isnan(frame.positions[frame.confidence == 0]).all()
 
 
 @pytest.mark.parametrize(

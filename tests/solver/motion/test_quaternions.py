@@ -49,6 +49,12 @@ def test_rotations_are_those_of_scipy(quat):
     assert_allclose(quat.of_matrices(ROTATIONS.as_matrix()), ROTATIONS.as_quat(canonical=True), atol=1e-12)
 
 
+def test_a_quarter_turn_about_an_axis_a_length_and_a_row_are_those_by_hand(quat):
+    assert quat.about((0.0, 0.0, 1.0), math.pi / 2) == pytest.approx(QUARTER_ABOUT_Z)
+    assert quat.normalised((2.0, 0.0, 0.0, 2.0)) == pytest.approx(QUARTER_ABOUT_Z)
+    assert quat.row_of(np.array([IDENTITY, QUARTER_ABOUT_Z]), 1) == QUARTER_ABOUT_Z
+
+
 def test_the_least_rotation_goes_from_one_direction_to_the_other_by_the_angle_between(quat):
     directions = [*ROTATIONS[:20].apply([1.0, 0.0, 0.0]), [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]]
     for a, b in itertools.pairwise(directions):

@@ -228,7 +228,8 @@ class Table:
 
     def _by_shape(self) -> list[Layout]:
         """Return the layout of nothing but x y z of joints in an unknown order, if they move as a person's do."""
-        if self.options.joints or self.width % 3 or self.width // 3 not in COUNTS:
+        has_words = None in map(number, self.cells.rows[0])
+        if self.options.joints or has_words or self.width % 3 or self.width // 3 not in COUNTS:
             return []
         starts = range(0, self.width, 3)
         axes = [dict(zip(AXES, range(start, start + 3), strict=True)) for start in starts]

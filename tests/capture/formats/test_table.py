@@ -349,6 +349,10 @@ TURNS = scipy.spatial.transform.Rotation.random(9 * len(JOINTS), rng=0).as_quat(
         (["frame,x,y,z", *(f"{k},1,2,{k}" for k in range(9))], "single point"),
         (["one line of words", "and 12 another", "and a third"], "text without rows of numbers"),
         (
+            [",".join(["walk", *(f"{j * k / 7:.3f}" for j in range(1, 36))]) for k in range(9)],
+            "36 columns without names",
+        ),
+        (
             ["\t".join(JOINTS), *("\t".join(" ".join(map(str, each)) for each in row) for row in TURNS)],
             "unit quaternion: rotations",
         ),

@@ -154,8 +154,9 @@ def split(lines: Sequence[Line]) -> Cells | None:
         lines, rows = _with_decimal_commas(lines, rows, first)
     left_out = count - len(rows)
     width = _width(rows, first)
-    header = _header(rows[:first], width)
-    kept = [k for k in range(first, len(rows)) if rows[k] not in rows[:first]]  # files joined have several headers
+    above = rows[:first]
+    header = _header(above, width)
+    kept = [k for k in range(first, len(rows)) if rows[k] not in above]  # files that were joined repeat their header
     body, numbers = [rows[k] for k in kept], [lines[k][0] for k in kept]
     cut_off = None
     if len(body) > 1 and len(body[-1]) < width and not lines[-1][1].endswith("\n"):

@@ -1,32 +1,24 @@
-"""A table's columns as a file of the user's names them (`ReadOptions.columns`)."""
+"""Tables whose columns a file of the user names (`ReadOptions.columns`)."""
 
-import tomllib
 from pathlib import Path
 
 from capture.formats._cells import Cells
 from capture.formats._columns import AXES, Layout
+from puppetline import toml_schema
 from puppetline.errors import SkeletonLogError, at
 
 
 def layout_of_file(path: Path, cells: Cells) -> Layout:
-    """Return the layout of a table's cells that a file of the user's names, with a line for each joint.
+    """Return the layout of a table whose columns a file of the user names, with a line for each joint.
 
     Raises
     ------
     SkeletonLogError
-        The file is no TOML, or names columns that the table does not have.
+        The file cannot be read, is no TOML, or names columns that the table does not have.
     """
-    try:
-        chosen = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise SkeletonLogError(
-            path,
-            found=f"a file that cannot be read as TOML ({error})",
-            expected='lines such as Head = ["HX", "HY", "HZ"]',
-            fix="Correct the file.",
-        ) from error
+    text = toml_schema.read_text(path, "a file that names columns", "Check the path.", SkeletonLogError)
     joints, fields = {}, {}
-    for name, own in chosen.items():
+    for name, own in toml_schema.parse(text, path, SkeletonLogError).items():
         columns = [
             column
             for each in (own if isinstance(own, list) else [own])

@@ -25,7 +25,6 @@ from capture.formats._columns import (
     with_numbers_as_axes,
     without_prefix,
 )
-from capture.formats._columns_file import layout_of_file
 from capture.formats._rows import Line
 from capture.formats.clips import with_stated_rate
 from capture.formats.joint_order import COUNTS, names_by_shape
@@ -126,6 +125,8 @@ class Table:
         if cells.left_out:
             self.notes = (*self.notes, f"{cells.left_out} lines have another form than the others. They are omitted.")
         if options.columns:
+            from capture.formats._columns_file import layout_of_file
+
             self._layouts = [layout_of_file(options.columns, cells)]
         else:
             self._layouts = self._trc(lines[header][1]) if header else self._named() or self._unnamed()
@@ -227,7 +228,7 @@ class Table:
         return self._numbered_rows()
 
     def _by_shape(self) -> list[Layout]:
-        """Return the layout of nothing but x y z of joints in an unknown order, if they move as a person's do."""
+        """Return the layout of columns that are x y z of joints in an unknown order, if these move as a person's do."""
         has_words = None in map(number, self.cells.rows[0])
         if self.options.joints or has_words or self.width % 3 or self.width // 3 not in COUNTS:
             return []
@@ -347,9 +348,10 @@ class Table:
         best: list[Fit] = []
         for name, joints in JOINT_SETS.items():
             count = len(rows) // len(joints)
-            again = np.linalg.norm(rows[len(joints) :] - rows[: -len(joints)], axis=1)  # the same joint's steps
-            is_path = len(again) > 0 and not np.nanmedian(again) < np.nanmedian(np.linalg.norm(steps, axis=1))
-            if self.options.joints in (None, name) and count and not is_path and name not in HOLISTIC:
+            if not count or self.options.joints not in (None, name) or name in HOLISTIC:
+                continue
+            of_joints = rows[len(joints) :] - rows[: -len(joints)]  # from frame to frame
+            if not len(of_joints) or _typical_length(of_joints) < _typical_length(steps):  # else the path of a point
                 best += fits(rows[: count * len(joints)].reshape(count, -1, 3), [name])
         if not (self.options.joints or self._is_of_joints):  # points of a mesh are rows of x y z too
             best = [fit for fit in best if fit.misfit < MAX_MISFIT]
@@ -429,3 +431,8 @@ class Table:
                 )
             self._known[column] = np.array(found, dtype=np.float64)
         return self._known[column]
+
+
+def _typical_length(ways: Floats) -> float:
+    """Return the median length of ways (R, 3) that are known."""
+    return float(np.nanmedian(np.linalg.norm(ways, axis=1)))

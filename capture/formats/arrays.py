@@ -321,8 +321,8 @@ def _refuse(path: Path, arrays: Arrays, options: ReadOptions) -> NoReturn:
             refuse_flat(path, np.squeeze(array).astype(np.float64))
     counts = [shape[-2] for shape in shapes if len(shape) > 2 and shape[-1] == 3]
     kind = next(filter(None, map(as_of, counts)), "") or of_angles(list(arrays))
-    part = part_of_a_person([name.rsplit(".")[-1] for name in arrays])
-    found, fix = f"{describe(arrays)}{kind or part}", WHOLE_BODY if part else ""
+    part = "" if kind else part_of_a_person([name.rsplit(".")[-1] for name in arrays])
+    found, fix = f"{describe(arrays)}{kind}{part}", WHOLE_BODY if part else ""
     if any(shape[-1:] == (2,) and shape[-2:-1] and shape[-2] in _SIZES for shape in shapes):
         found, fix = f"{found}, positions in an image (2D)", "Use positions in space, or the video itself."
     elif any(shape[-1:] == (HUMANML3D_FEATURES,) for shape in shapes):

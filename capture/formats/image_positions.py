@@ -32,7 +32,8 @@ SIZES = ((640, 480), (480, 640), (1280, 720), (720, 1280), (1920, 1080), (1080, 
 """Common widths and heights of images, the smallest ones first."""
 
 DEPTHS = (1.0, 0.7, 0.5, 0.35, 0.25, 0.18, 0.125)
-"""Factors of the depths that are tried; trackers exaggerate them."""
+"""Factors of the depths that are tried; trackers exaggerate them. Their steps must be so small that `RARITY` decides
+between ratios only if these are about as good."""
 
 MAX_DEPTH_OF_HIPS = 0.002
 """Largest distance of the hips from the depth 0, if it is in pixels, as a share of the body's height."""

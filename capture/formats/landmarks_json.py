@@ -238,10 +238,10 @@ def clips_of(path: Path, log_format: str, document: Any, options: ReadOptions) -
         The poses are no person's.
     """
     people: dict[int, list[tuple[int, dict[str, Any], _Pose]]] = {}
-    frames, count = _frames(document, named=True)
-    named = bool(frames)
-    if not named:
+    for named in (True, False):
         frames, count = _frames(document, named)
+        if frames:
+            break
     notes = (f"The file has {count} recordings. The longest one is read.",) if count > 1 else ()
     for index, frame in enumerate(frames):
         for order, (owner, pose) in enumerate(_poses(frame, named)):

@@ -148,6 +148,13 @@ class Shape:
         return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
 
 
+def in_picture(camera, points, size):
+    """Return points (n, 2) as shares of the picture from its top left corner."""
+    clip = np.column_stack([points, np.ones(len(points))]) @ camera.matrix(size).astype(float)
+    assert (clip[:, 3] > 0).all()
+    return clip[:, :2] / clip[:, 3:] / 2 + 0.5
+
+
 def encoded(picture, kind="PNG"):
     """Return the file of a picture."""
     file = io.BytesIO()

@@ -13,13 +13,6 @@ def quiet(_step, _share):
     """Report no progress."""
 
 
-def in_picture(camera, points, size):
-    """Return points (n, 2) as shares of the picture from its top left corner."""
-    clip = np.column_stack([points, np.ones(len(points))]) @ camera.matrix(size).astype(float)
-    assert (clip[:, 3] > 0).all()
-    return clip[:, :2] / clip[:, 3:] / 2 + 0.5
-
-
 def placed(actor, frames):
     """Return the vertices of a character in frames of its film, (F, n, 3), in metres."""
     prepared = actor.prepared

@@ -13,7 +13,8 @@ from engine_bridge.film.production import CROWN_SHARE, UPPER_SHARE, produce
 from engine_bridge.film.scene import CameraTable
 from engine_bridge.pictures.camera import Camera
 
-from .conftest import in_picture, placed, quiet
+from ..conftest import in_picture
+from .conftest import placed, quiet
 
 SIZE = (1280, 720)
 

@@ -15,7 +15,7 @@ from engine_bridge.pictures.renderer import PLACES, Renderer
 from engine_bridge.pictures.surroundings import Lighting, Overlay, Panorama, StageExtent, Surroundings
 from engine_bridge.pictures.textures import textures_of
 
-from ..film.conftest import in_picture
+from ..conftest import in_picture
 
 SIZE = (160, 120)
 STAGE = StageExtent(np.zeros(3), 2.0, 2.0, 1.0)

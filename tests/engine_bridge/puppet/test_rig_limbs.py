@@ -432,3 +432,24 @@ def test_a_vrm_humanoid_is_known_by_the_file_s_own_table(glb, tmp_path):
     for name, bones in (("VRMC_vrm", newer), ("VRM", older)):
         document.gltf["extensions"] = {name: {"humanoid": {"humanBones": bones}}}
         assert [joint.name for joint in joints_of(from_document(document))] == ["head", "1", "hips"]
+
+
+def test_the_limbs_of_a_vrm_humanoid_are_those_of_the_same_skeleton_with_names(real_data):
+    """The table is used and not the names of the nodes, which are numbers here."""
+    document = load_character(real_data / "mesh" / "gltf" / "quaternius_Adventurer.glb").document.copy()
+    named = {"Hips": "hips", "Neck": "neck", "Head": "head"}
+    for (side, _), bone in product(SIDES, ("UpperArm", "LowerArm", "Hand", "UpperLeg", "LowerLeg", "Foot")):
+        named[f"{bone}.{side[0].upper()}"] = f"{side}{bone}"
+    table = {}
+    for index, node in enumerate(document.gltf["nodes"]):
+        if node.get("name") in named:
+            table[named[node["name"]]] = {"node": index}
+        node["name"] = f"{index}"
+    expected = rig_limbs(load_character(real_data / "mesh" / "gltf" / "quaternius_Adventurer.glb")).limbs.points
+    older = [{"bone": bone, "node": entry["node"]} for bone, entry in table.items()]
+    for extensions in ({"VRMC_vrm": {"humanoid": {"humanBones": table}}}, {"VRM": {"humanoid": {"humanBones": older}}}):
+        document.gltf["extensions"] = extensions
+        found = rig_limbs(from_document(document)).limbs.points
+        assert list(found) == ["trunk", "head", *LIMBS]
+        for name in LIMBS:
+            assert_array_equal(found[name], expected[name])

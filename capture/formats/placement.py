@@ -296,7 +296,8 @@ def _up(points: Floats, options: ReadOptions, stature: float | None, weights: Fl
             if other != axis and _has_floor(points[..., other] / stature - floor, 2.0 if rises else 1.0):
                 note = f"Up is assumed to be {'xyz'[other]}, from the floor on which the body lies."
                 return np.eye(3)[other], note
-    return sign * np.eye(3)[axis], f"Up is assumed to be {name}, the direction from feet to head."
+    lies = " If the performer lies, set the axis that points up (y or z)." if axis == 0 and weights[1] else ""
+    return sign * np.eye(3)[axis], f"Up is assumed to be {name}, the direction from feet to head.{lies}"
 
 
 def _has_floor(heights: Floats, tolerance: float) -> bool:

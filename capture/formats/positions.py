@@ -315,11 +315,14 @@ def _fill(points: Floats, sure: NDArray[np.float32], sources: dict[str, tuple[in
             sure[:, JOINT_INDEX[joint]] = np.minimum(sure[:, [one, other]].min(axis=1), INFERRED)
             notes.append(f"No position for {joint}. It is placed between {before} and {after}.")
             known.add(joint)
-    if "head" not in sources:
-        neck, hips = JOINT_INDEX["shoulder_center"], JOINT_INDEX["hip_center"]
-        points[:, JOINT_INDEX["head"]] = points[:, neck] + NECK_SHARE * (points[:, neck] - points[:, hips])
-        sure[:, JOINT_INDEX["head"]] = np.minimum(sure[:, [neck, hips]].min(axis=1), INFERRED)
-        notes.append("No position for the head. It continues the neck.")
+    head, neck, hips = (JOINT_INDEX[joint] for joint in ("head", "shoulder_center", "hip_center"))
+    to_hips, to_neck = (np.linalg.norm(points[:, head] - points[:, other], axis=1) for other in (hips, neck))
+    is_low = np.mean(to_hips < to_neck) > 0.5  # the origin of OpenSim's body "head"
+    if "head" not in sources or is_low:
+        points[:, head] = points[:, neck] + NECK_SHARE * (points[:, neck] - points[:, hips])
+        sure[:, head] = np.minimum(sure[:, [neck, hips]].min(axis=1), INFERRED)
+        found = "The head is at the hips" if is_low else "No position for the head"
+        notes.append(f"{found}. It continues the neck.")
     lost = [joint for joint in JOINTS if joint not in known | {"head"}]
     notes += [f"No position for {joint}. It is lost." for joint in lost]
     return tuple(notes)

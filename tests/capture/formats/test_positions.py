@@ -107,6 +107,10 @@ def test_a_missing_head_continues_the_neck_and_zeros_are_lost_but_for_hips_in_th
     head = at(clip.positions, "head") - at(clip.positions, "shoulder_center")
     assert_allclose(head, [[0, TYPICAL_BONE_METRES["head"], 0]] * 4, atol=1e-12)
     assert np.argwhere(clip.confidence == 0).tolist() == [[2, JOINT_INDEX["hand_left"]]]
+    at(poses, "head")[:] = 0.9 * at(poses, "hip_center") + 0.1 * at(poses, "spine")
+    at_hips = clip_of(poses)
+    assert_array_equal(at_hips.positions, clip.positions)
+    assert "The head is at the hips. It continues the neck." in at_hips.notes
 
 
 def test_a_person_without_arms_has_no_arms():

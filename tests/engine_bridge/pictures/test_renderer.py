@@ -108,6 +108,20 @@ def test_each_colour_of_a_light_casts_its_own_shadow():
     assert (white[..., 1].max() - white[..., 1] > 40).sum() > 50  # the shadow
 
 
+@pytest.mark.parametrize("forwards", [-0.8, 0.0, 0.8])
+def test_a_light_from_the_other_side_gives_the_mirrored_picture(forwards):
+    """The shadow of a square that is high over the floor lies on either side of it, whole."""
+    corners = 0.3 * np.array([[-1, 3, -1], [1, 3, -1], [1, 3, 1], [-1, 3, 1]])
+    drawn = PLAIN, (corners, np.tile([0.0, 1.0, 0.0], (4, 1))), FRONT[:, ::-1]
+    from_left, from_right = (
+        picture(drawn, floor=(200, 200, 200), camera=ABOVE, light=Lighting(direction=(x, 1.0, forwards))).astype(int)
+        for x in (-0.8, 0.8)
+    )
+    assert (from_left[:, 80:].min(axis=2) < 150).sum() > (from_left[:, :80].min(axis=2) < 150).sum()
+    differs = np.abs(from_left - from_right[:, ::-1]).max(axis=2) > 8
+    assert differs.mean() < 0.005  # pixels at edges
+
+
 def test_a_shadow_begins_at_the_foot_that_casts_it():
     """A low slab on the floor, as low as a paw: the floor beside it, away from the light, is dark."""
     corners = np.array(

@@ -137,6 +137,16 @@ def test_a_performer_in_a_t_pose_turns_no_bone_whatever_the_rest_pose_of_the_cha
     assert_allclose(rotations, np.tile([0, 0, 0, 1], (21, 1)), atol=1e-7)
 
 
+def test_a_t_posed_body_that_leans_at_rest_turns_its_hips_alone():
+    """Soles are flat nevertheless."""
+    lean = Rotation.from_rotvec([0.5, 0, 0.3])
+    humanoid, _, rotations = at_rest(puppet(lean.apply(T_POSED)))
+    expected = {name: (0, 0, 0, 1) for name in humanoid.names if not name.endswith(("Foot", "Toes"))}
+    expected["Hips"] = Rotation.from_rotvec([0.5, 0, -0.3]).as_quat()  # x points to the other side
+    found = dict(zip(humanoid.names, rotations, strict=True))
+    assert_allclose([found[name] for name in expected], list(expected.values()), atol=1e-9)
+
+
 def random_poses(rng, count=20):
     """Bodies in poses that follow each other without jumps."""
     phases, speeds = rng.uniform(0, 6, (2, 5, 3)) * [[[1]], [[0.3]]]

@@ -19,13 +19,14 @@ MARKERS = {
     "sacrum": "sacr vsac vsacral s2 sacrum waistback",
     "hip": "hjc hipjoint",
     "knee": "kjc kneejoint",
-    "knee sides": "kne kni knee mknee lfc mfc fle fme",
+    "knee sides": "kne kni knee lfc mfc fle fme",
     "ankle": "ajc anklejoint",
-    "ankle sides": "ank ane ani ankle mankle lmal mmal fal tam",
+    "ankle sides": "ank ane ani ankle lmal mmal fal tam",
     "toe": "toe to toetip mt2 mt1 mt5 forefoot bigtoe fm1 fm2 fm5",
     "heel": "hee heel cal calc heelback fcc",
     "shoulder": "sho fsh bsh ac acromium acromion acr shoulder acrotip sae",
-    "elbow": "elb iel elbow elbm melbow lel mel hle hme hum",
+    "elbow": "elb iel elbow elbm lel mel hle hme",
+    "elbow else": "hum",
     "wrist": "wri owr iwr wre wra wrb w wrist faradius faulna radius ulna rsp usp",
     "hand": "fin finger hand ihand ohand mcp3 middfing hm2 hm5",
     "head sides": "fhd bhd temple hea thea fhea head headf headb headfront headback headtamp fthead bkhead",
@@ -36,7 +37,7 @@ MARKERS = {
 BELL = 0.36, 0.19, 0.30
 """Distances of a hip from the middle of the pelvis's front, outwards, backwards and down, in widths of the pelvis."""
 
-_SIDE_OF_JOINT = re.compile("(lat|med|lateral|medial|radius|ulna|reg|study|v|in|out|top|[0-9])+$")
+_SIDE_OF_JOINT = re.compile("(lat|med|lateral|medial|radius|ulna|reg|v|in|out|top|[0-9])+$")
 """Ends of names that tell the side of a joint, or how a program has placed the marker."""
 
 _WORD = re.compile("[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[0-9]+")
@@ -45,6 +46,9 @@ _CORNER = re.compile("(?<![A-Za-z])([FB])([LR])(?![A-Za-z])", re.IGNORECASE)
 _SIDES = {"l": "Left", "left": "Left", "r": "Right", "right": "Right", "lt": "Left", "rt": "Right"}
 
 _PLACES = {word: place for place, words in MARKERS.items() for word in words.split()}
+_OF_JOINT = "", " sides", " else"
+"""Ends of the places of the same joint, in order of priority."""
+
 _JOINTS = ("knee", "ankle", "toe", "shoulder", "elbow", "wrist", "hand")
 
 
@@ -62,17 +66,22 @@ def has_markers(names: Sequence[str]) -> bool:
     pelvis = {("hip", "Left"), ("hip", "Right")}, {("front", "Left"), ("front", "Right")}
     has_pelvis = pelvis[0] <= places or (pelvis[1] <= places and {"back", "sacrum"} & {place for place, _ in places})
     both = {
-        joint: all({(joint, side), (f"{joint} sides", side)} & places for side in ("Left", "Right"))
+        joint: all({(f"{joint}{of}", side) for of in _OF_JOINT} & places for side in ("Left", "Right"))
         for joint in _JOINTS
     }
     return bool(has_pelvis) and both["shoulder"] and (both["elbow"] or both["knee"])
 
 
 def _own(names: Sequence[str]) -> list[str]:
-    """Return names without their namespace and the word that they all begin with."""
+    """Return names without their namespace and the word that they all begin with.
+
+    OpenCap writes the joints of the videos beside its markers, which end in "study". These joints get no name.
+    """
     own = [re.split("[:|]", name)[-1] for name in names]
     is_shared = len({name.split("_")[0] for name in own}) == 1
-    return [name.split("_", maxsplit=1)[-1] for name in own] if is_shared else own
+    own = [name.split("_", maxsplit=1)[-1] for name in own] if is_shared else own
+    of_study = [name.removesuffix("_study") if name.endswith("_study") else "" for name in own]
+    return of_study if any(of_study) else own
 
 
 def place_of(name: str) -> tuple[str, str] | None:
@@ -87,8 +96,9 @@ def place_of(name: str) -> tuple[str, str] | None:
             return _PLACES[own], ""
         for letter in ("l", "r"):
             for rest in (own.removeprefix(letter), own.removesuffix(letter)):
-                if rest != own and rest in _PLACES:
-                    return _PLACES[rest], _SIDES[letter]
+                kept = (rest, rest[1:]) if side and rest[:1] in ("l", "m") else (rest,)  # lateral, medial: r_lwrist
+                if rest != own and (known := _PLACES.keys() & kept):
+                    return _PLACES[known.pop()], _SIDES[letter]
     return None
 
 
@@ -103,9 +113,8 @@ def _joints(names: Sequence[str], positions: Floats) -> dict[str, Floats]:
     joints = {}
     for side in ("Left", "Right"):
         for joint in _JOINTS:
-            at = middle.get((joint, side), middle.get((f"{joint} sides", side)))
-            if at is not None:
-                joints[f"{joint.title()}{side}"] = at
+            if at := [middle[f"{joint}{of}", side] for of in _OF_JOINT if (f"{joint}{of}", side) in middle]:
+                joints[f"{joint.title()}{side}"] = at[0]
         if ("hip", side) in middle:
             joints[f"Hip{side}"] = middle["hip", side]
     if not {"HipLeft", "HipRight"} <= joints.keys():

@@ -1,7 +1,7 @@
 """Joints of the SMPL body from its pose parameters, as AMASS, GVHMR and WHAM store them, in arrays, JSON and tables.
 
 A pose is a rotation vector per joint, relative to its parent, in the axes of a T-pose: x to the performer's left, y up,
-z to the front. The lengths of the bones are those of a typical person (`capture.body`), not those of a body shape.
+z to the front. The bones are those of SMPL's mean body, not those of a body shape.
 """
 
 from collections.abc import Iterator, Mapping
@@ -11,42 +11,52 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.body import TYPICAL_BONE_METRES as _METRES
+from capture.body import TYPICAL_BONE_METRES
 from capture.clip import SkeletonClip
 from capture.formats.options import ReadOptions
 from capture.formats.positions import clip_of_positions
 
 Floats = NDArray[np.float64]
 
-_TRUNK = _METRES["spine"] + _METRES["shoulder_center"]
-
-REST: dict[str, tuple[str, tuple[float, float, float]]] = {
-    "pelvis": ("", (0.0, 0.0, 0.0)),
-    "hip_left": ("pelvis", (0.8 * _METRES["hip"], -0.6 * _METRES["hip"], 0.0)),
-    "hip_right": ("pelvis", (-0.8 * _METRES["hip"], -0.6 * _METRES["hip"], 0.0)),
-    "spine1": ("pelvis", (0.0, 0.25 * _TRUNK, 0.0)),
-    "knee_left": ("hip_left", (0.0, -_METRES["knee"], 0.0)),
-    "knee_right": ("hip_right", (0.0, -_METRES["knee"], 0.0)),
-    "spine2": ("spine1", (0.0, 0.3 * _TRUNK, 0.0)),
-    "ankle_left": ("knee_left", (0.0, -_METRES["ankle"], 0.0)),
-    "ankle_right": ("knee_right", (0.0, -_METRES["ankle"], 0.0)),
-    "spine3": ("spine2", (0.0, 0.1 * _TRUNK, 0.0)),
-    "foot_left": ("ankle_left", (0.0, -0.5 * _METRES["foot"], 1.2 * _METRES["foot"])),
-    "foot_right": ("ankle_right", (0.0, -0.5 * _METRES["foot"], 1.2 * _METRES["foot"])),
-    "neck": ("spine3", (0.0, 0.35 * _TRUNK, 0.0)),
-    "collar_left": ("spine3", (0.35 * _METRES["shoulder"], 0.25 * _TRUNK, 0.0)),
-    "collar_right": ("spine3", (-0.35 * _METRES["shoulder"], 0.25 * _TRUNK, 0.0)),
-    "head": ("neck", (0.0, _METRES["head"], 0.0)),
-    "shoulder_left": ("collar_left", (0.65 * _METRES["shoulder"], 0.0, 0.0)),
-    "shoulder_right": ("collar_right", (-0.65 * _METRES["shoulder"], 0.0, 0.0)),
-    "elbow_left": ("shoulder_left", (_METRES["elbow"], 0.0, 0.0)),
-    "elbow_right": ("shoulder_right", (-_METRES["elbow"], 0.0, 0.0)),
-    "wrist_left": ("elbow_left", (_METRES["wrist"], 0.0, 0.0)),
-    "wrist_right": ("elbow_right", (-_METRES["wrist"], 0.0, 0.0)),
-    "hand_left": ("wrist_left", (_METRES["hand"], 0.0, 0.0)),
-    "hand_right": ("wrist_right", (-_METRES["hand"], 0.0, 0.0)),
+_SIDED = {
+    "hip": ("pelvis", (0.059, -0.086, -0.016)),
+    "knee": ("hip", (0.043, -0.385, 0.002)),
+    "ankle": ("knee", (-0.017, -0.424, -0.036)),
+    "foot": ("ankle", (0.038, -0.061, 0.126)),
+    "collar": ("spine3", (0.077, 0.113, -0.021)),
+    "shoulder": ("collar", (0.118, 0.046, -0.014)),
+    "elbow": ("shoulder", (0.258, -0.015, -0.027)),
+    "wrist": ("elbow", (0.267, 0.010, -0.007)),
+    "hand": ("wrist", (0.088, -0.010, -0.013)),
 }
-"""Parent of each joint, and its place in the parent's axes in the T-pose, in metres; the order is SMPL's."""
+_MIDDLE = {
+    "pelvis": ("", (0.0, 0.0, 0.0)),
+    "spine1": ("pelvis", (0.0, 0.124, -0.038)),
+    "spine2": ("spine1", (0.0, 0.138, 0.027)),
+    "spine3": ("spine2", (0.0, 0.056, 0.003)),
+    "neck": ("spine3", (0.0, 0.212, -0.034)),
+    "head": ("neck", (0.0, TYPICAL_BONE_METRES["head"], 0.0)),
+}
+_ORDER = "pelvis hip spine1 knee spine2 ankle spine3 foot neck collar head shoulder elbow wrist hand"
+
+
+def _rest() -> dict[str, tuple[str, tuple[float, float, float]]]:
+    rest = {}
+    for joint in _ORDER.split():
+        if joint in _MIDDLE:
+            rest[joint] = _MIDDLE[joint]
+            continue
+        parent, (x, y, z) = _SIDED[joint]
+        for side, sign in (("left", 1), ("right", -1)):
+            rest[f"{joint}_{side}"] = parent if parent in _MIDDLE else f"{parent}_{side}", (sign * x, y, z)
+    return rest
+
+
+REST = _rest()
+"""Parent of each joint, and its place in the parent's axes in the T-pose, in metres; the order is SMPL's.
+
+The places are those of the mean body (Loper et al., SMPL, 2015), with equal sides and the head's middle as the head.
+"""
 
 _POSES = (
     ("poses",),
@@ -182,7 +192,7 @@ def clip_of(
         The body lies on its side in all frames.
     """
     names, points = positions(*found)
-    notes = (*notes, "Parameters of the SMPL body; the bones have the lengths of a typical person.")
+    notes = (*notes, "Parameters of the SMPL body; the bones are those of its mean shape.")
     return clip_of_positions(path, log_format, names, points, options, notes=notes)
 
 

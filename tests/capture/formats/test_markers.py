@@ -145,6 +145,24 @@ SHANKS = {
     for side in ("left", "right")
     for name, rise in (("_sh2", 0.02), ("_sh3", 0.03), ("SHN", 0))
 }
+ARMS = {
+    f"{side}_hum2": np.add(STANDING[f"elbow_{name}"], STANDING[f"shoulder_{name}"]) / 2
+    for side, name in (("L", "left"), ("R", "right"))
+}
+OPENCAP = other(
+    **{".Knee.Med": "{}_mknee"},
+    KNE="{}_knee",
+    ANK="{}_ankle",
+    WRA="{}_lwrist",
+    WRB="{}_mwrist",
+    ELB="{}_lelbow",
+    SHO="{}_shoulder",
+)
+OPENCAP = {f"{name}_study": place for name, place in OPENCAP.items()} | {
+    f"Q_{side}{name}": place + 0.05
+    for side in "LR"
+    for name, place in (("Knee", body()["LKNE"]), ("Elbow", body()["LELB"]), ("Wrist", body()["RWRA"]))
+}
 
 
 @pytest.mark.parametrize(
@@ -155,8 +173,10 @@ SHANKS = {
         other(WRA="{}W1", WRB="{}W2", TOE="{}.TO", FHD="{}HEA"),
         body(**SIDES) | dict.fromkeys(("RLFC", "LEL"), np.full(3, np.nan)),
         body() | SHANKS,
+        body() | ARMS,
+        OPENCAP,
     ],
-    ids=["Qualisys", "MoCap Toolbox", "Motion Analysis", "many names, and markers that are never seen", "shanks"],
+    ids=["Qualisys", "MoCap Toolbox", "Motion Analysis", "many names, some never seen", "shanks", "arms", "OpenCap"],
 )
 def test_other_spellings_and_markers_make_no_difference(clip_of, at):
     assert_allclose(clip_of(at).positions, clip_of(body()).positions, atol=1e-9)

@@ -76,7 +76,7 @@ def test_parameters_are_those_of_named_arrays(read, reader, content, way):
     [clip] = read(reader, content)
     [same] = read(arrays, npz(poses=FLAT, trans=way))
     assert_allclose(clip.positions, same.positions, atol=1e-5)
-    assert "Parameters of the SMPL body; the bones have the lengths of a typical person." in clip.notes
+    assert "Parameters of the SMPL body; the bones are those of its mean shape." in clip.notes
 
 
 def test_people_of_a_document_are_performers(read):

@@ -16,7 +16,9 @@ from capture.skeleton import INFERRED, LOST, SkeletonFrame
 from puppetline.errors import SkeletonLogError
 
 _OF = "camera|capture|clip|data|mocap|motion|original|recording|source|video"
-_RATE = re.compile(f"(({_OF})_?)?(freq|frequency|fps|frame_?rate|sampl(e|ing)_?rate)|trajectories")
+_RATE = re.compile(
+    f"(({_OF})_?)?(freq|frequency|fps|frame_?rate|sampl(e|ing)_?rate|(frame|sample|tick)s_?per_?second)|trajectories"
+)
 """Names of values that are the number of frames per second; Vicon Nexus writes it below the last one."""
 
 MAX_RATE, _STATED = 1000, "The file states {:g} frames per second."

@@ -24,13 +24,13 @@ MARKERS = {
     "ankle sides": "ank ane ani ankle lmal mmal fal tam",
     "toe": "toe to toetip mt2 mt1 mt5 forefoot bigtoe fm1 fm2 fm5",
     "heel": "hee heel cal calc heelback fcc",
-    "shoulder": "sho fsh bsh ac acromium acromion acr shoulder acrotip sae",
+    "shoulder": "sho fsh bsh ac acromium acromion acr shoulder acrotip sae saj",
     "elbow": "elb iel elbow elbm lel mel hle hme",
     "elbow else": "hum",
-    "wrist": "wri owr iwr wre wra wrb w wrist faradius faulna radius ulna rsp usp",
+    "wrist": "wri owr iwr wre wra wrb w wrist faradius faulna radius ulna rsp usp uhe",
     "hand": "fin finger hand ihand ohand mcp3 middfing hm2 hm5",
-    "head sides": "fhd bhd temple hea thea fhea head headf headb headfront headback headtamp fthead bkhead",
-    "neck": "c7 cv7 clav sternum sjn",
+    "head sides": "fhd bhd temple hea thea fhea head headf headb headfront headback headtamp fthead bkhead hdf hdb",
+    "neck": "c7 cv7 clav sternum sjn snj",
 }
 """Names of markers, without the side, by what they are at."""
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.bone_names import find_bones
+from capture.formats.joint_order import names_by_shape
 from capture.formats.options import ReadOptions
 from capture.skeleton import JOINT_INDEX, JOINTS, PARENTS
 from capture.skeleton_shape import shape_of
@@ -156,7 +157,10 @@ def _choose(
     positions: Sequence[Points],
     options: ReadOptions,
 ) -> tuple[dict[str, int], int | None]:
-    """Return the nodes that are joints, by their names or else by the shape of the skeleton, and then its legs."""
+    """Return the nodes that are joints, by their names or else by the shape of the skeleton, and then its legs.
+
+    The rest pose has a shape, and if it is folded, as that of LAFAN's files, so have the bones in motion.
+    """
     named = _choose_nodes(names, positions)
     chosen = named | _between(parents, named)
     missing = [joint for joint in REQUIRED if joint not in chosen]
@@ -165,9 +169,12 @@ def _choose(
     shape = shape_of(parents, rest, [not name for name in names])
     if shape.legs > 4 or (shape.legs == 4 and not (options.as_person or options.animals)):
         raise _animal_error(path, shape.legs)
-    if any(joint not in shape.joints for joint in REQUIRED):
+    if all(joint in shape.joints for joint in REQUIRED):
+        return shape.joints, shape.legs
+    moving = {name: node for node, name in enumerate(names_by_shape(np.stack(positions, axis=1))) if name}
+    if not moving:
         raise _names_error(path, names, missing)
-    return shape.joints, shape.legs
+    return moving, 2
 
 
 def _is_upright(rest: Points, chosen: Mapping[str, int]) -> bool:

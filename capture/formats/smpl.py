@@ -202,12 +202,16 @@ def positions(poses: Floats, translations: Floats) -> tuple[list[str], Floats]:
     Parameters
     ----------
     poses : (T, J, 3) float64
-        Rotation vectors in radians of the first joints, at least 22; those of others are zero.
+        Rotation vectors in radians of the first joints, at least 22; those of others are zero. In a frame with NaN, no
+        joint has a place.
     translations : (T, 3) float64
         Metres.
     """
     from scipy.spatial.transform import Rotation  # importing it takes a while
 
+    is_lost = np.isnan(poses).any(axis=(1, 2))
+    poses = np.nan_to_num(poses)
+    translations = np.where(is_lost[:, None], np.nan, translations)
     placed: dict[str, Floats] = {}
     turned: dict[str, Rotation] = {}
     for index, (joint, (parent, offset)) in enumerate(REST.items()):

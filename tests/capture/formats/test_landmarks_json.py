@@ -117,6 +117,7 @@ def test_a_document_may_be_a_table_or_have_points_as_texts_and_matrices(read, fo
     [
         {"fps": 60, "frames": [named(pose, JOINTS) for pose in PERSON.tolist()]},
         {"clip_fps": 60, "frames": [named(pose, JOINTS) for pose in PERSON.tolist()]},
+        {"ticksPerSecond": 60, "frames": [named(pose, JOINTS) for pose in PERSON.tolist()]},
         {"header": {"Frame Rate": 60}, "data": PERSON.reshape(len(PERSON), -1).tolist()},
         {"sampleRate": 60.0, "frames": [named(pose, "xyz") for pose in PERSON.swapaxes(1, 2).tolist()]},
         {

@@ -169,7 +169,7 @@ OPENCAP = {f"{name}_study": place for name, place in OPENCAP.items()} | {
     "at",
     [
         other(KNE="{}KneeOut", WRA="{}WristIn", WRB="{}WristOut", FHD="Head{}", TOE="{}Forefoot5"),
-        other(KNE="Knee_{}", WRA="Radius_{}", WRB="Ulna_{}", FHD="Head_F{}", BHD="Head_B{}"),
+        other(SHO="{}_SAJ", KNE="Knee_{}", WRA="Radius_{}", WRB="Ulna_{}", FHD="Head_F{}", BHD="Head_B{}"),
         other(WRA="{}W1", WRB="{}W2", TOE="{}.TO", FHD="{}HEA"),
         body(**SIDES) | dict.fromkeys(("RLFC", "LEL"), np.full(3, np.nan)),
         body() | SHANKS,

@@ -3,12 +3,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 from capture.bone_names import find_bones
 from capture.formats.options import ReadOptions
-from capture.formats.skeleton_joints import select
-from capture.skeleton import JOINTS
+from capture.formats.skeleton_joints import BY_SHAPE_NOTE, REQUIRED, select
+from capture.skeleton import JOINT_INDEX, JOINTS, PARENTS
 from puppetline.errors import SkeletonLogError
+
+from .people import moving
 
 
 def sides(*names, of=("Left", "Right")):
@@ -182,6 +185,21 @@ def test_names_of_no_human_are_quoted_up_to_a_whole_one():
         points_of([f"Tail{number}" for number in range(100)])
     assert caught.value.where == "take.bvh"
     assert re.search(r"for shoulder_left.*Tail0, .*Tail\d\d, …$", caught.value.found)
+
+
+def test_joints_without_names_whose_rest_pose_is_folded_are_told_by_their_motion():
+    """All offsets are along x, as in LAFAN's files."""
+    points = moving()
+    parents = [JOINT_INDEX.get(PARENTS.get(joint), -1) for joint in JOINTS]
+    rest = np.zeros((len(JOINTS), 3))
+    for joint, parent in enumerate(parents[1:], start=1):
+        rest[joint, 0] = rest[parent, 0] + np.linalg.norm(points[0, joint] - points[0, parent])
+    names = [f"joint_{number}" for number in range(len(JOINTS))]
+    turns = [np.eye(3)[None]] * len(names)
+    body = select(Path("take.bvh"), names, parents, rest, list(np.moveaxis(points, 1, 0)), turns, ReadOptions())
+    for joint in REQUIRED:
+        assert_array_equal(body.points[:, JOINT_INDEX[joint]], points[:, JOINT_INDEX[joint]])
+    assert BY_SHAPE_NOTE in body.notes
 
 
 def test_where_both_hips_are_at_one_point_joints_are_at_the_ends_of_the_bones_with_their_names():

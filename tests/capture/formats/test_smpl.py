@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from capture.formats import arrays, landmarks_json, smpl, table
@@ -77,6 +77,14 @@ def test_parameters_are_those_of_named_arrays(read, reader, content, way):
     [same] = read(arrays, npz(poses=FLAT, trans=way))
     assert_allclose(clip.positions, same.positions, atol=1e-5)
     assert "Parameters of the SMPL body; the bones are those of its mean shape." in clip.notes
+
+
+def test_frames_without_rotations_are_lost(read):
+    gaps = np.where(np.arange(COUNT)[:, None] % 4 == 3, np.nan, FLAT)
+    [clip], [whole] = (read(arrays, npz(poses=poses, trans=WAY)) for poses in (gaps, FLAT))
+    is_lost = np.isnan(clip.positions).any(axis=2)
+    assert_array_equal(is_lost, (np.arange(COUNT) % 4 == 3)[:, None] & ~np.isnan(whole.positions).any(axis=2))
+    assert_allclose(clip.positions[~is_lost], whole.positions[~is_lost], atol=1e-12)
 
 
 def test_people_of_a_document_are_performers(read):

@@ -134,6 +134,6 @@ def _rolled_as_performer(plan, state, row, local, from_base, aim, turned, elapse
     axis, side = quat.rotated(local, aim), row_of(plan.sides, row)
     weight = ORIENTATION_RATE * smooth_step(dot(axis, quat.rotated(there, aim)), ORIENTATION_COSINES)
     angle = quat.twist(quat.rotated(local, side), quat.rotated(there, side), axis)
-    angle *= 1 - math.exp(-weight * elapsed)
+    angle *= 1 - math.exp(-weight * elapsed) if weight > 0 else 0.0  # after a cut, `elapsed` is infinite
     largest = MAX_TURN_RATE * elapsed
     return quat.product(quat.about(axis, min(max(angle, -largest), largest)), local)

@@ -238,3 +238,14 @@ def test_feet_are_level_where_the_performers_are_and_the_back_is_straight_whatev
     up = at_rest + np.radians(30)
     raised = directions(motion, play(motion, [step] * 60, start=2.0)[-1])[0][foot]
     assert_allclose(raised, [0.5 * np.cos(up), np.sin(up), np.sqrt(0.75) * np.cos(up)], atol=1e-9)
+
+
+def test_after_a_cut_an_orientation_across_its_bone_does_not_count():
+    """The bones point as the performer's do, whose arms are raised although their orientations are as before."""
+    motion, raised = in_t_pose(), body(0.5, 0.19, 0.09, 0.28, 0.26, 0.09, [0.1, 1, 0.03])
+    known = np.tile([1.0, 0, 0, 0], (len(AT), 1))
+    motion.step(0, HANGING, TRACKED, orientations=known)
+    cut = motion.restarted()
+    assert_allclose(
+        directions(cut, cut.step(1, raised, TRACKED, orientations=known))[0], wanted(cut, raised), atol=1e-9
+    )

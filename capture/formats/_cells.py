@@ -82,6 +82,8 @@ class Cells:
         Line within which the file ends, which is no row.
     left_out : int
         Number of lines that have another form than most.
+    filled : int
+        Number of rows that have fewer cells than the header, and are taken to lack the last ones.
     """
 
     names: list[list[str]]
@@ -90,6 +92,7 @@ class Cells:
     origin: list[int]
     cut_off: int | None
     left_out: int
+    filled: int
 
 
 class UnevenError(ValueError):
@@ -153,7 +156,7 @@ def split(lines: Sequence[Line]) -> Cells | None:
     if separator == "," and _is_digits(rows[first : first + 60]):
         lines, rows = _with_decimal_commas(lines, rows, first)
     left_out = count - len(rows)
-    width = _width(rows, first)
+    width, filled = _width(rows, first)
     above = rows[:first]
     header = _header(above, width)
     kept = [k for k in range(first, len(rows)) if rows[k] not in above]  # files that were joined repeat their header
@@ -172,7 +175,7 @@ def split(lines: Sequence[Line]) -> Cells | None:
         if len(row) < width or any(row[width:]):
             raise UnevenError(at, len(row), width)
     names, body, origin = _with_a_number_per_cell(_names(header, width), body)
-    return Cells(names, body, numbers, origin, cut_off, left_out)
+    return Cells(names, body, numbers, origin, cut_off, left_out, filled)
 
 
 def _with_a_number_per_cell(
@@ -206,16 +209,16 @@ def _with_a_number_per_cell(
     return named, split_rows, origin
 
 
-def _width(rows: list[list[str]], first: int) -> int:
-    """Return how many cells rows have from the first one with numbers, and fill rows that lack the last columns."""
+def _width(rows: list[list[str]], first: int) -> tuple[int, int]:
+    """Return how many cells rows with numbers have, from the first; fill those that lack the last, and count them."""
     counts = Counter(len(row) for row in rows[first:])
-    width = counts.most_common(1)[0][0]
+    width, filled = counts.most_common(1)[0][0], 0
     if first and width < len(rows[first - 1]) in counts:
-        short, width = width, len(rows[first - 1])
+        short, filled, width = width, counts[width], len(rows[first - 1])
         for row in rows[first:]:
             row += [""] * (width - short if len(row) == short else 0)
     is_empty = not any(row[width - 1] for row in rows[first:] if len(row) == width)
-    return width - 1 if is_empty and width > 1 else width  # the lines end in a separator
+    return (width - 1 if is_empty and width > 1 else width), filled  # the lines end in a separator
 
 
 def _rows(lines: Sequence[Line]) -> tuple[str | None, Sequence[Line], list[list[str]]]:

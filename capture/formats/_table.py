@@ -124,6 +124,11 @@ class Table:
             self.notes = (*self.notes, f"The file ends in the middle of line {cells.cut_off}. This frame is omitted.")
         if cells.left_out:
             self.notes = (*self.notes, f"{cells.left_out} lines have another form than the others. They are omitted.")
+        if cells.filled:
+            note = (
+                f"{cells.filled} of {len(cells.rows)} rows have fewer cells than the header. The last ones are missing."
+            )
+            self.notes = (*self.notes, note)
         if options.columns:
             from capture.formats._columns_file import layout_of_file
 

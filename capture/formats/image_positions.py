@@ -21,11 +21,11 @@ Floats = NDArray[np.float64]
 RATIOS = {"16:9": 16 / 9, "9:16": 9 / 16, "4:3": 4 / 3, "3:4": 3 / 4}
 """Common ratios of an image's width to its height, the most common ones first."""
 
-RARITY = 0.05
+RARITY = 0.045
 """How much closer to a typical body's the proportions must be for a less common ratio to be chosen, for each step in
 `RATIOS`."""
 
-MAX_OUTSIDE = 2.0
+MAX_OUTSIDE = 3.0
 """How far the feet may be below the image, in heights of it."""
 
 SIZES = ((640, 480), (480, 640), (1280, 720), (720, 1280), (1920, 1080), (1080, 1920), (3840, 2160), (2160, 3840))

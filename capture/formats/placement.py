@@ -69,6 +69,10 @@ FLOOR, FLOOR_SPREAD = (-0.03, 0.15), 0.1
 MAX_RISE = 1.0
 """How far a body rises at most while its floor stays where it is, in statures."""
 
+UPRIGHT = 1.0
+"""Sum of the cosines of the angles from upright of two ways, from feet to head and from hips to shoulders, above which
+a body stands."""
+
 MIN_MOTION = 0.05
 """Motion of a joint along an axis below which the heights along this axis tell nothing, in statures."""
 
@@ -285,7 +289,8 @@ def _up(points: Floats, options: ReadOptions, stature: float | None, weights: Fl
             way = np.nanmedian(points[:, JOINT_INDEX[upper]] - lower, axis=0)
             body += np.nan_to_num(way / np.linalg.norm(way))
     axis = int((np.abs(body) * weights).argmax())
-    sign = 1.0 if body[axis] > 0 else -1.0
+    is_lying = not weights[[0, 2]].any() and abs(body[axis]) < UPRIGHT  # in an image, whose y is nearly always down
+    sign = 1.0 if body[axis] > 0 and not is_lying else -1.0
     name = f"{'−' if sign < 0 else ''}{'xyz'[axis]}"
     if stature is not None and not _has_floor(sign * points[..., axis] / stature, 2.0):
         with warnings.catch_warnings(action="ignore"):  # frames without joints

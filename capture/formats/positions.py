@@ -317,7 +317,7 @@ def _fill(points: Floats, sure: NDArray[np.float32], sources: dict[str, tuple[in
             known.add(joint)
     head, neck, hips = (JOINT_INDEX[joint] for joint in ("head", "shoulder_center", "hip_center"))
     to_hips, to_neck = (np.linalg.norm(points[:, head] - points[:, other], axis=1) for other in (hips, neck))
-    is_low = np.mean(to_hips < to_neck) > 0.5  # the origin of OpenSim's body "head"
+    is_low = 2 * np.count_nonzero(to_hips < to_neck) > len(points)  # the origin of OpenSim's body "head"
     if "head" not in sources or is_low:
         points[:, head] = points[:, neck] + NECK_SHARE * (points[:, neck] - points[:, hips])
         sure[:, head] = np.minimum(sure[:, [neck, hips]].min(axis=1), INFERRED)

@@ -95,6 +95,13 @@ def test_as_many_frames_as_numbers_of_positions_and_rotations_are_frames(read, c
     assert_reads(clip, frames)
 
 
+def test_samples_of_people_are_performers(read):
+    people = PERSON + np.arange(4)[:, None, None, None] * [0.5, 0, 0]
+    samples = people.reshape(2, 2, *PERSON.shape).transpose(0, 4, 2, 3, 1)  # as networks take them
+    for clip, expected in zip(read(arrays, npy(samples)), people[[0, 2, 1, 3]], strict=True):
+        assert_reads(clip, expected)
+
+
 @pytest.mark.parametrize("count", [3, 4])
 def test_rotations_may_follow_positions(read, count):
     turns = np.random.default_rng(0).uniform(-90, 90, (*PERSON.shape[:2], count))

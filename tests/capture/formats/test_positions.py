@@ -260,6 +260,14 @@ def test_a_picture_in_which_left_is_always_above_right_is_turned(sign):
     assert f"Up is assumed to be {'−' if sign > 0 else ''}x, the direction from feet to head." in turned.notes
 
 
+@pytest.mark.parametrize("lift", [0.05, -0.05])
+def test_up_in_the_picture_of_a_body_that_lies_is_up(lift):
+    """Whether the head is higher or lower than the feet."""
+    x, y, z = np.moveaxis(POINTS - POINTS.mean(axis=(0, 1)), 2, 0) / 4.5
+    clip = clip_of(np.stack([0.5 + y, (0.5 - z - lift * y) * 16 / 9, x], axis=2), BLAZEPOSE)
+    assert "Up is assumed to be −y, the direction from feet to head." in clip.notes
+
+
 def test_a_head_without_ears_is_where_the_nose_is():
     head = PERSON[:, [JOINT_INDEX["head"]]]
     points = np.concatenate(

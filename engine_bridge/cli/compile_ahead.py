@@ -190,7 +190,5 @@ WORK = {"motion": (_compile_deformation, _compile_motion), "pictures": (_compile
 
 if __name__ == "__main__":
     end_with_parent()
-    if sys.argv[1] == "pictures" and hasattr(os, "nice"):
-        os.nice(5)  # they are needed last
     if not is_done():
         compile_ahead(sys.argv[1])

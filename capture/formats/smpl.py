@@ -209,9 +209,8 @@ def positions(poses: Floats, translations: Floats) -> tuple[list[str], Floats]:
     """
     from scipy.spatial.transform import Rotation  # importing it takes a while
 
-    is_lost = np.isnan(poses).any(axis=(1, 2))
-    poses = np.nan_to_num(poses)
-    translations = np.where(is_lost[:, None], np.nan, translations)
+    is_lost = np.isnan(poses.reshape(len(poses), -1)).any(axis=1, keepdims=True)
+    poses, translations = np.nan_to_num(poses), np.where(is_lost, np.nan, translations)
     placed: dict[str, Floats] = {}
     turned: dict[str, Rotation] = {}
     for index, (joint, (parent, offset)) in enumerate(REST.items()):

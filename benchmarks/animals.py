@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from benchmarks.rig_weights import skinned
 from capture.skeleton import JOINT_INDEX
 from capture.timeline import Timeline
 from engine_bridge.performance.character_motion import CharacterMotion
@@ -179,7 +178,7 @@ def play(prepared: PreparedCharacter, timeline: Timeline, settings: Settings, so
         moved = surface.vertices(pose.R[None].astype(np.float32))
         stretch.add(moved)
         if shares is not None:
-            stretch_of_skin.add(skinned(shares, rest, pose.bones[None])[0].astype(np.float32)[:, :, None])
+            stretch_of_skin.add(skinned(shares, rest, pose.bones).astype(np.float32)[:, :, None])
         now = (moved[used, :, 0] + pose.root) @ basis.T
         heights.append(np.array([now[a:b, 1].min() for a, b in pairwise(starts)]) - floors)
         places.append([now[a:b].mean(axis=0) for a, b in pairwise(starts)])
@@ -285,6 +284,15 @@ def performer_stands(timeline: Timeline) -> NDArray[np.bool_]:
     arrived = np.array([stands[max(0, frame - round(ARRIVAL_SECONDS * timeline.fps)) : frame + 1].all()
                         for frame in range(len(feet))])  # fmt: skip
     return np.asarray(stands & arrived)
+
+
+def skinned(
+    weights: NDArray[np.float64], rest: NDArray[np.float64], motions: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return linear blend skinning (N, 3) by motions (b, 4, 3) with weights (N, b); without weights a vertex stays."""
+    blended = (weights @ motions.reshape(len(motions), 12)).reshape(-1, 4, 3)
+    moved: Floats = np.einsum("ni,nij->nj", rest, blended[:, :3]) + blended[:, 3]
+    return moved + (1 - weights.sum(axis=1, keepdims=True)) * rest
 
 
 if __name__ == "__main__":

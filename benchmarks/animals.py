@@ -286,9 +286,7 @@ def performer_stands(timeline: Timeline) -> NDArray[np.bool_]:
     return np.asarray(stands & arrived)
 
 
-def skinned(
-    weights: NDArray[np.float64], rest: NDArray[np.float64], motions: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def skinned(weights: Floats, rest: Floats, motions: Floats) -> Floats:
     """Return linear blend skinning (N, 3) by motions (b, 4, 3) with weights (N, b); without weights a vertex stays."""
     blended = (weights @ motions.reshape(len(motions), 12)).reshape(-1, 4, 3)
     moved: Floats = np.einsum("ni,nij->nj", rest, blended[:, :3]) + blended[:, 3]

@@ -1,10 +1,12 @@
 """Markers on a body, as optical motion capture has them, and the joints between them.
 
 The markers are those of Plug-in Gait, of CMU, of OpenSim's models and of ISB, in several spellings. A joint is the mean
-of the markers on both sides of it, or a centre that a program has computed. The hips follow from the pelvis's markers:
-0.36 of its width outwards, 0.19 backwards and 0.30 down from the middle of its front (Bell et al. 1990).
+of the markers on both sides of it, or a centre that a program has computed. A knee or an ankle with one marker is
+beside it. The hips follow from the pelvis's markers: 0.36 of its width outwards, 0.19 backwards and 0.30 down from the
+middle of its front (Bell et al. 1990).
 """
 
+import itertools
 import re
 from collections.abc import Sequence
 
@@ -36,6 +38,9 @@ MARKERS = {
 
 BELL = 0.36, 0.19, 0.30
 """Distances of a hip from the middle of the pelvis's front, outwards, backwards and down, in widths of the pelvis."""
+
+OUTER = {"knee": 0.28, "ankle": 0.2}
+"""Distances from the outer side of a joint, where its only marker is, to its centre, as shares of that of the hips."""
 
 _SIDE_OF_JOINT = re.compile("(lat|med|lateral|medial|radius|ulna|reg|v|in|out|top|[0-9])+$")
 """Ends of names that tell the side of a joint, or how a program has placed the marker."""
@@ -97,8 +102,9 @@ def place_of(name: str) -> tuple[str, str] | None:
         for letter in ("l", "r"):
             for rest in (own.removeprefix(letter), own.removesuffix(letter)):
                 kept = (rest, rest[1:]) if side and rest[:1] in ("l", "m") else (rest,)  # lateral, medial: r_lwrist
-                if rest != own and (known := _PLACES.keys() & kept):
-                    return _PLACES[known.pop()], _SIDES[letter]
+                known = [_PLACES[each] for each in kept if rest != own and each in _PLACES]
+                if known:
+                    return known[0], _SIDES[letter]
     return None
 
 
@@ -119,12 +125,25 @@ def _joints(names: Sequence[str], positions: Floats) -> dict[str, Floats]:
             joints[f"Hip{side}"] = middle["hip", side]
     if not {"HipLeft", "HipRight"} <= joints.keys():
         joints |= _hips(middle)
+    joints |= _inside(joints, found)
     heads = [each for (place, _), each in middle.items() if place == "head sides"]
     if len(heads) > 1:
         joints["Head"] = np.mean(heads, axis=0)
-    if ("neck", "") in middle:
+    if len(found.get(("neck", ""), ())) > 1:  # one alone is on the skin of the back, or of the chest
         joints["SpineShoulder"] = middle["neck", ""]
     return joints
+
+
+def _inside(joints: dict[str, Floats], found: dict[tuple[str, str], list[Floats]]) -> dict[str, Floats]:
+    """Return the knees and ankles that have one marker each, on their outer side, in the middle of the leg."""
+    moved: dict[str, Floats] = {}
+    if not {"HipLeft", "HipRight"} <= joints.keys():
+        return moved
+    across = joints["HipRight"] - joints["HipLeft"]
+    for (side, sign), (joint, share) in itertools.product((("Left", 1.0), ("Right", -1.0)), OUTER.items()):
+        if (joint, side) not in found and len(found.get((f"{joint} sides", side), ())) == 1:
+            moved[f"{joint.title()}{side}"] = joints[f"{joint.title()}{side}"] + sign * share * across
+    return moved
 
 
 def _hips(middle: dict[tuple[str, str], Floats]) -> dict[str, Floats]:

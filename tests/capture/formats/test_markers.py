@@ -79,6 +79,15 @@ def test_joints_lie_between_the_markers_on_both_sides_of_them(clip_of, separator
     assert (clip.positions[:, JOINT_INDEX["head"], 1] > clip.positions[:, JOINT_INDEX["hip_center"], 1]).all()
 
 
+def test_knees_and_ankles_with_one_marker_are_inside_it(clip_of):
+    hips = np.linalg.norm(np.subtract(STANDING["hip_left"], STANDING["hip_right"]))
+    at = body(without="Med")
+    for joint, name, share in (("knee", "KNE", 0.28), ("ankle", "ANK", 0.2)):
+        for side, sign in (("left", -1), ("right", 1)):
+            at[side[0].upper() + name] = np.add(STANDING[f"{joint}_{side}"], [sign * share * hips, 0, 0])
+    assert_allclose(clip_of(at).positions, clip_of(body()).positions, atol=1e-9)
+
+
 @pytest.mark.parametrize(("front", "back"), [("ASI", "PSI"), ("FWT", "BWT"), ("ASIS", "BackAsis")])
 def test_hips_follow_from_the_pelvis(clip_of, front, back):
     at = body(without="HJC")

@@ -218,7 +218,8 @@ def _width(rows: list[list[str]], first: int) -> tuple[int, int]:
         for row in rows[first:]:
             row += [""] * (width - short if len(row) == short else 0)
     is_empty = not any(row[width - 1] for row in rows[first:] if len(row) == width)
-    return (width - 1 if is_empty and width > 1 else width), filled  # the lines end in a separator
+    used = width - 1 if is_empty and width > 1 else width  # the lines end in a separator
+    return used, filled if used == width else 0
 
 
 def _rows(lines: Sequence[Line]) -> tuple[str | None, Sequence[Line], list[list[str]]]:

@@ -125,9 +125,7 @@ class Table:
         if cells.left_out:
             self.notes = (*self.notes, f"{cells.left_out} lines have another form than the others. They are omitted.")
         if cells.filled:
-            note = (
-                f"{cells.filled} of {len(cells.rows)} rows have fewer cells than the header. The last ones are missing."
-            )
+            note = f"{cells.filled} rows have fewer cells than the header. Their last cells are missing."
             self.notes = (*self.notes, note)
         if options.columns:
             from capture.formats._columns_file import layout_of_file

@@ -265,17 +265,17 @@ def _joined(arrays: Arrays) -> Arrays:
 
 
 def _of_points(arrays: Arrays) -> Iterator[NDArray[np.generic]]:
-    """Yield arrays that may be positions: those of a file, without rotations after them, or origins of matrices."""
+    """Yield arrays that may be positions: a file's, without rotations after them, origins of matrices, or samples."""
     for array in arrays.values():
         if array.dtype.kind not in "fiu" or array.size > MAX_BYTES // 8:
             continue
-        if array.ndim == 5:  # samples of people (N, 3, T, J, people)
-            yield np.moveaxis(array, 0, -1).reshape(*array.shape[1:-1], -1)
-        elif array.ndim > 3 and array.shape[-2:] == (4, 4):
+        if array.ndim > 3 and array.shape[-2:] == (4, 4):
             is_by_rows = not array.reshape(-1, 4, 4)[:1, 3, :3].any()
             yield array[..., :3, 3] if is_by_rows else array[..., 3, :3]
         elif array.ndim > 2 and array.shape[-1] in WITH_ROTATIONS and 3 not in array.shape[:-1]:
             yield array[..., :3]
+        elif array.ndim == 5 and array.shape[1] == 3 != array.shape[-1]:  # samples of people (N, 3, T, J, people)
+            yield np.moveaxis(array, 0, -1).reshape(*array.shape[1:-1], -1)[..., :MAX_PEOPLE]
         else:
             yield array
 

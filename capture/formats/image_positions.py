@@ -23,7 +23,7 @@ RATIOS = {"16:9": 16 / 9, "9:16": 9 / 16, "4:3": 4 / 3, "3:4": 3 / 4}
 
 RARITY = 0.045
 """How much closer to a typical body's the proportions must be for a less common ratio to be chosen, for each step in
-`RATIOS`."""
+`RATIOS`. With 0.05, two of 56 recordings had the wrong ratio, by less than 0.006."""
 
 MAX_OUTSIDE = 3.0
 """How far the feet may be below the image, in heights of it."""

@@ -21,13 +21,15 @@ MARKERS = {
     "sacrum": "sacr vsac vsacral s2 sacrum waistback",
     "hip": "hjc hipjoint",
     "knee": "kjc kneejoint",
-    "knee sides": "kne kni knee lfc mfc fle fme",
+    "knee outside": "kne lfc fle",
+    "knee sides": "kni knee mknee mfc fme",
     "ankle": "ajc anklejoint",
-    "ankle sides": "ank ane ani ankle lmal mmal fal tam",
+    "ankle outside": "ank lmal fal",
+    "ankle sides": "ane ani ankle mankle mmal tam",
     "toe": "toe to toetip mt2 mt1 mt5 forefoot bigtoe fm1 fm2 fm5",
     "heel": "hee heel cal calc heelback fcc",
     "shoulder": "sho fsh bsh ac acromium acromion acr shoulder acrotip sae saj",
-    "elbow": "elb iel elbow elbm lel mel hle hme",
+    "elbow": "elb iel elbow elbm melbow lel mel hle hme",
     "elbow else": "hum",
     "wrist": "wri owr iwr wre wra wrb w wrist faradius faulna radius ulna rsp usp uhe",
     "hand": "fin finger hand ihand ohand mcp3 middfing hm2 hm5",
@@ -40,7 +42,8 @@ BELL = 0.36, 0.19, 0.30
 """Distances of a hip from the middle of the pelvis's front, outwards, backwards and down, in widths of the pelvis."""
 
 OUTER = {"knee": 0.28, "ankle": 0.2}
-"""Distances from the outer side of a joint, where its only marker is, to its centre, as shares of that of the hips."""
+"""Distances from the outer side of a joint, where its only marker is, to its centre, as shares of the distance of the
+hips from each other: some 0.05 m and 0.035 m of 0.18 m, with half of the marker."""
 
 _SIDE_OF_JOINT = re.compile("(lat|med|lateral|medial|radius|ulna|reg|v|in|out|top|[0-9])+$")
 """Ends of names that tell the side of a joint, or how a program has placed the marker."""
@@ -51,8 +54,8 @@ _CORNER = re.compile("(?<![A-Za-z])([FB])([LR])(?![A-Za-z])", re.IGNORECASE)
 _SIDES = {"l": "Left", "left": "Left", "r": "Right", "right": "Right", "lt": "Left", "rt": "Right"}
 
 _PLACES = {word: place for place, words in MARKERS.items() for word in words.split()}
-_OF_JOINT = "", " sides", " else"
-"""Ends of the places of the same joint, in order of priority."""
+_OF_JOINT = "", " sides", " outside", " else"
+"""Ends of the places of the same joint: its centre, around it, on its outer side, and near it if there is no other."""
 
 _JOINTS = ("knee", "ankle", "toe", "shoulder", "elbow", "wrist", "hand")
 
@@ -67,7 +70,7 @@ def joints_of_markers(names: Sequence[str], positions: Floats) -> dict[str, Floa
 
 def has_markers(names: Sequence[str]) -> bool:
     """Return whether names are those of the markers of a whole body."""
-    places = {place for place in map(place_of, _own(names)) if place is not None}
+    places = {place for place in places_of(names) if place is not None}
     pelvis = {("hip", "Left"), ("hip", "Right")}, {("front", "Left"), ("front", "Right")}
     has_pelvis = pelvis[0] <= places or (pelvis[1] <= places and {"back", "sacrum"} & {place for place, _ in places})
     both = {
@@ -80,7 +83,7 @@ def has_markers(names: Sequence[str]) -> bool:
 def _own(names: Sequence[str]) -> list[str]:
     """Return names without their namespace and the word that they all begin with.
 
-    OpenCap writes the joints of the videos beside its markers, which end in "study". These joints get no name.
+    OpenCap's markers end in "_study". The joints of its videos, which it writes beside them, get no name.
     """
     own = [re.split("[:|]", name)[-1] for name in names]
     is_shared = len({name.split("_")[0] for name in own}) == 1
@@ -89,8 +92,12 @@ def _own(names: Sequence[str]) -> list[str]:
     return of_study if any(of_study) else own
 
 
-def place_of(name: str) -> tuple[str, str] | None:
-    """Return what a marker is at, and its side; None for others."""
+def places_of(names: Sequence[str]) -> list[tuple[str, str] | None]:
+    """Return what each marker is at (`MARKERS`), and its side; None for others."""
+    return [_place_of(name) for name in _own(names)]
+
+
+def _place_of(name: str) -> tuple[str, str] | None:
     words = [word.lower() for word in _WORD.findall(_CORNER.sub(r"\1_\2", name))]
     side = next((word for word in words if word in _SIDES), "")
     if side:  # LElbowOut, HeadL, r_knee
@@ -112,20 +119,16 @@ def _joints(names: Sequence[str], positions: Floats) -> dict[str, Floats]:
     """Return the joints (T, 3) that markers tell, by the Kinect's names; NaN where they are lost."""
     known = np.where((positions == 0).all(axis=2, keepdims=True), np.nan, positions)
     found: dict[tuple[str, str], list[Floats]] = {}
-    for index, name in enumerate(_own(names)):
-        if (place := place_of(name)) is not None and np.isfinite(known[:, index]).any():
+    for index, place in enumerate(places_of(names)):
+        if place is not None and np.isfinite(known[:, index]).any():
             found.setdefault(place, []).append(known[:, index])
     middle = {place: np.mean(each, axis=0) for place, each in found.items()}
-    joints = {}
-    for side in ("Left", "Right"):
-        for joint in _JOINTS:
-            if at := [middle[f"{joint}{of}", side] for of in _OF_JOINT if (f"{joint}{of}", side) in middle]:
-                joints[f"{joint.title()}{side}"] = at[0]
-        if ("hip", side) in middle:
-            joints[f"Hip{side}"] = middle["hip", side]
-    if not {"HipLeft", "HipRight"} <= joints.keys():
-        joints |= _hips(middle)
-    joints |= _inside(joints, found)
+    joints = {f"Hip{side}": middle["hip", side] for side in ("Left", "Right") if ("hip", side) in middle}
+    joints |= _hips(middle) if len(joints) < 2 else {}
+    across = _latest(joints["HipRight"] - joints["HipLeft"]) if len(joints) == 2 else np.zeros(3)
+    for (side, sign), joint in itertools.product((("Left", 1.0), ("Right", -1.0)), _JOINTS):
+        at = _joint(found, joint, side, sign * across)
+        joints |= {} if at is None else {f"{joint.title()}{side}": at}
     heads = [each for (place, _), each in middle.items() if place == "head sides"]
     if len(heads) > 1:
         joints["Head"] = np.mean(heads, axis=0)
@@ -134,16 +137,19 @@ def _joints(names: Sequence[str], positions: Floats) -> dict[str, Floats]:
     return joints
 
 
-def _inside(joints: dict[str, Floats], found: dict[tuple[str, str], list[Floats]]) -> dict[str, Floats]:
-    """Return the knees and ankles that have one marker each, on their outer side, in the middle of the leg."""
-    moved: dict[str, Floats] = {}
-    if not {"HipLeft", "HipRight"} <= joints.keys():
-        return moved
-    across = joints["HipRight"] - joints["HipLeft"]
-    for (side, sign), (joint, share) in itertools.product((("Left", 1.0), ("Right", -1.0)), OUTER.items()):
-        if (joint, side) not in found and len(found.get((f"{joint} sides", side), ())) == 1:
-            moved[f"{joint.title()}{side}"] = joints[f"{joint.title()}{side}"] + sign * share * across
-    return moved
+def _joint(found: dict[tuple[str, str], list[Floats]], joint: str, side: str, inwards: Floats) -> Floats | None:
+    """Return a joint (T, 3) from its markers; None without. A way across the hips tells where one is from outside."""
+    centre, sides, outside, other = (found.get((f"{joint}{of}", side), []) for of in _OF_JOINT)
+    markers = centre or sides + outside or other
+    is_outside = len(markers) == len(outside) == 1 and not centre and not sides
+    return np.mean(markers, axis=0) + is_outside * OUTER.get(joint, 0) * inwards if markers else None
+
+
+def _latest(ways: Floats) -> Floats:
+    """Return ways (T, 3) in which one that is NaN is the latest known one; zero before the first."""
+    known = np.isfinite(ways).all(axis=1)
+    latest: Floats = np.nan_to_num(ways[np.maximum.accumulate(np.where(known, np.arange(len(ways)), 0))])
+    return latest
 
 
 def _hips(middle: dict[tuple[str, str], Floats]) -> dict[str, Floats]:

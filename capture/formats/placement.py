@@ -69,9 +69,8 @@ FLOOR, FLOOR_SPREAD = (-0.03, 0.15), 0.1
 MAX_RISE = 1.0
 """How far a body rises at most while its floor stays where it is, in statures."""
 
-UPRIGHT = 1.0
-"""Sum of the cosines of the angles from upright of two ways, from feet to head and from hips to shoulders, above which
-a body stands."""
+UPRIGHT = 0.5
+"""Cosine of the angle between upright and the way from feet to head or hips to shoulders above which a body stands."""
 
 MIN_MOTION = 0.05
 """Motion of a joint along an axis below which the heights along this axis tell nothing, in statures."""
@@ -278,6 +277,8 @@ def _front_agreement(points: Floats, front: Floats, across: Floats) -> float:
 def _up(points: Floats, options: ReadOptions, stature: float | None, weights: Floats) -> tuple[Floats, str]:
     """Return the unit vector that points up, of the axes with these weights (3,), and the note on it.
 
+    In an image, one axis alone has a weight; there, the y of a body that does not stand is down.
+
     Without a stature, which is in units of the points, only the direction from feet to head counts, and no floor.
     """
     if options.up is not None:
@@ -289,8 +290,10 @@ def _up(points: Floats, options: ReadOptions, stature: float | None, weights: Fl
             way = np.nanmedian(points[:, JOINT_INDEX[upper]] - lower, axis=0)
             body += np.nan_to_num(way / np.linalg.norm(way))
     axis = int((np.abs(body) * weights).argmax())
-    is_lying = not weights[[0, 2]].any() and abs(body[axis]) < UPRIGHT  # in an image, whose y is nearly always down
-    sign = 1.0 if body[axis] > 0 and not is_lying else -1.0
+    in_image = np.count_nonzero(weights) == 1
+    if in_image and abs(body[axis]) < UPRIGHT * np.linalg.norm(body):
+        return -np.eye(3)[axis], f"Up is assumed to be −{'xyz'[axis]}, as in images: the body does not stand."
+    sign = 1.0 if body[axis] > 0 else -1.0
     name = f"{'−' if sign < 0 else ''}{'xyz'[axis]}"
     if stature is not None and not _has_floor(sign * points[..., axis] / stature, 2.0):
         with warnings.catch_warnings(action="ignore"):  # frames without joints
@@ -301,7 +304,7 @@ def _up(points: Floats, options: ReadOptions, stature: float | None, weights: Fl
             if other != axis and _has_floor(points[..., other] / stature - floor, 2.0 if rises else 1.0):
                 note = f"Up is assumed to be {'xyz'[other]}, from the floor on which the body lies."
                 return np.eye(3)[other], note
-    lies = " If the performer lies, set the axis that points up (y or z)." if axis == 0 and weights[1] else ""
+    lies = " If the performer lies, set the axis that points up (y or z)." if axis == 0 and not in_image else ""
     return sign * np.eye(3)[axis], f"Up is assumed to be {name}, the direction from feet to head.{lies}"
 
 

@@ -1,8 +1,8 @@
 """Named positions of a person in any unit and any axes, as tables, arrays and motion capture have them, as a clip.
 
 Names tell which position is which joint (`capture.bone_names`). `capture.formats.placement` finds the rest. A head that
-has no position continues the neck; a joint between two others is placed between them; hips are placed below shoulders
-that have a head; any other joint is lost.
+has no position, or is at the hips as the origin of OpenSim's body "head", continues the neck; a joint between two
+others is placed between them; hips are placed below shoulders that have a head; any other joint is lost.
 """
 
 import warnings
@@ -19,7 +19,7 @@ from capture.bone_names import find_bones, find_points
 from capture.clip import SkeletonClip
 from capture.formats import image_positions
 from capture.formats.clips import DEFAULT_FPS, build_clip, frame_rate
-from capture.formats.markers import has_markers, joints_of_markers, place_of
+from capture.formats.markers import has_markers, joints_of_markers, places_of
 from capture.formats.options import ReadOptions
 from capture.formats.placement import place, size_of, toes_ahead, without_far_frames
 from capture.formats.proportions import (
@@ -240,8 +240,8 @@ def refuse_incomplete(path: Path, names: Sequence[str]) -> NoReturn:
 
 def part_of_a_person(names: Sequence[str]) -> str:
     """Return that names are of legs or of arms only, for messages; "" for others."""
-    places = {f"{place}_{side.lower()}" for place, side in filter(None, map(place_of, names))}
-    found = {*_sources(names)[0], *(place.replace(" sides", "") for place in places)}
+    places = {f"{place.split()[0]}_{side.lower()}" for place, side in filter(None, places_of(names))}
+    found = {*_sources(names)[0], *places}
     has_legs, has_arms = (any(found >= own for own in both) for both in ((_KNEES, _ANKLES), (_ELBOWS, _WRISTS, _HANDS)))
     is_part = has_legs != has_arms and bool(missing_joints(names))
     return (": legs without arms and shoulders" if has_legs else ": arms without hips and legs") if is_part else ""
@@ -317,12 +317,12 @@ def _fill(points: Floats, sure: NDArray[np.float32], sources: dict[str, tuple[in
             known.add(joint)
     head, neck, hips = (JOINT_INDEX[joint] for joint in ("head", "shoulder_center", "hip_center"))
     to_hips, to_neck = (np.linalg.norm(points[:, head] - points[:, other], axis=1) for other in (hips, neck))
-    is_low = 2 * np.count_nonzero(to_hips < to_neck) > len(points)  # the origin of OpenSim's body "head"
+    is_low = 2 * np.count_nonzero(to_hips < to_neck) > np.count_nonzero(np.isfinite(to_hips))
     if "head" not in sources or is_low:
         points[:, head] = points[:, neck] + NECK_SHARE * (points[:, neck] - points[:, hips])
         sure[:, head] = np.minimum(sure[:, [neck, hips]].min(axis=1), INFERRED)
-        found = "The head is at the hips" if is_low else "No position for the head"
-        notes.append(f"{found}. It continues the neck.")
+        low = "The position of the head is at the hips. The head continues the neck."
+        notes.append(low if is_low else "No position for the head. It continues the neck.")
     lost = [joint for joint in JOINTS if joint not in known | {"head"}]
     notes += [f"No position for {joint}. It is lost." for joint in lost]
     return tuple(notes)

@@ -1,6 +1,7 @@
 """Mapping of the joints of a file's skeleton to the 20 joints of `capture.skeleton`.
 
-`capture.bone_names` tells the meanings of names, `capture.skeleton_shape` those of joints with other names.
+`capture.bone_names` tells the meanings of names, `capture.skeleton_shape` those of joints with other names, or else
+`capture.formats.joint_order`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -159,7 +160,7 @@ def _choose(
 ) -> tuple[dict[str, int], int | None]:
     """Return the nodes that are joints, by their names or else by the shape of the skeleton, and then its legs.
 
-    The rest pose has a shape, and if it is folded, as that of LAFAN's files, so have the bones in motion.
+    If the rest pose is folded, as in LAFAN's files, the joints are told by how they move.
     """
     named = _choose_nodes(names, positions)
     chosen = named | _between(parents, named)
@@ -171,7 +172,8 @@ def _choose(
         raise _animal_error(path, shape.legs)
     if all(joint in shape.joints for joint in REQUIRED):
         return shape.joints, shape.legs
-    moving = {name: node for node, name in enumerate(names_by_shape(np.stack(positions, axis=1))) if name}
+    points = np.stack(positions, axis=1) + 1.0  # a joint at the origin would be lost
+    moving = {name: node for node, name in enumerate(names_by_shape(points)) if name}
     if not moving:
         raise _names_error(path, names, missing)
     return moving, 2

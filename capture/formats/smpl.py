@@ -41,6 +41,7 @@ _ORDER = "pelvis hip spine1 knee spine2 ankle spine3 foot neck collar head shoul
 
 
 def _rest() -> dict[str, tuple[str, tuple[float, float, float]]]:
+    """Return the joints of both sides in SMPL's order, see `REST`."""
     rest = {}
     for joint in _ORDER.split():
         if joint in _MIDDLE:
@@ -202,15 +203,16 @@ def positions(poses: Floats, translations: Floats) -> tuple[list[str], Floats]:
     Parameters
     ----------
     poses : (T, J, 3) float64
-        Rotation vectors in radians of the first joints, at least 22; those of others are zero. In a frame with NaN, no
-        joint has a place.
+        Rotation vectors in radians of the first joints, at least 22; those of others do not count. If one is not
+        finite, all joints of its frame are NaN.
     translations : (T, 3) float64
         Metres.
     """
     from scipy.spatial.transform import Rotation  # importing it takes a while
 
-    is_lost = np.isnan(poses.reshape(len(poses), -1)).any(axis=1, keepdims=True)
-    poses, translations = np.nan_to_num(poses), np.where(is_lost, np.nan, translations)
+    poses = poses[:, :22]
+    is_lost = ~np.isfinite(poses.reshape(len(poses), -1)).all(axis=1, keepdims=True)
+    poses, translations = np.where(is_lost[..., None], 0, poses), np.where(is_lost, np.nan, translations)
     placed: dict[str, Floats] = {}
     turned: dict[str, Rotation] = {}
     for index, (joint, (parent, offset)) in enumerate(REST.items()):

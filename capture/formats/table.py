@@ -173,9 +173,9 @@ def seconds_of(
     """
     steps = np.diff(values)
     steps = steps[steps > 0]
-    if len(steps) < len(values) / 4:
+    if len(values) > 1 and len(steps) < len(values) / 4:
         return None, ()
-    step = float(np.median(steps))
+    step = float(np.median(steps)) if len(steps) else 1.0
     if counts or (not units and _is_whole(values) and step <= MAX_FRAME_STEP):
         fps, notes = frame_rate(options, DEFAULT_FPS)
         return values / fps, notes

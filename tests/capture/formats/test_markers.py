@@ -5,6 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from capture.formats import read_log
+from capture.formats.markers import joints_of_markers
 from capture.formats.options import ReadOptions
 from capture.skeleton import JOINT_INDEX
 from puppetline.errors import SkeletonLogError
@@ -85,7 +86,23 @@ def test_knees_and_ankles_with_one_marker_are_inside_it(clip_of):
     for joint, name, share in (("knee", "KNE", 0.28), ("ankle", "ANK", 0.2)):
         for side, sign in (("left", -1), ("right", 1)):
             at[side[0].upper() + name] = np.add(STANDING[f"{joint}_{side}"], [sign * share * hips, 0, 0])
-    assert_allclose(clip_of(at).positions, clip_of(body()).positions, atol=1e-9)
+    whole = clip_of(body()).positions
+    assert_allclose(clip_of(at).positions, whole, atol=1e-9)
+    names, points = list(at), np.tile([*at.values()], (3, 1, 1))
+    points[1, names.index("RHJC")] = np.nan
+    hidden = joints_of_markers(names, points)
+    assert np.argwhere(np.isnan(hidden["HipRight"]).any(axis=1)).tolist() == [[1]]
+    for joint in ("knee", "ankle"):
+        assert_allclose(hidden[f"{joint.title()}Left"], [STANDING[f"{joint}_left"]] * 3)
+    inner = clip_of(body(without="KNE")).positions
+    assert_allclose(inner[:, both("knee")], whole[:, both("knee")] - [0.05, 0, 0], atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["C7", "CLAV"])
+def test_one_marker_at_the_neck_is_not_the_neck(clip_of, name):
+    positions = clip_of(body(without=name)).positions
+    shoulders = positions[:, both("shoulder")].mean(axis=1)
+    assert_allclose(positions[:, JOINT_INDEX["shoulder_center"]], shoulders, atol=1e-9)
 
 
 @pytest.mark.parametrize(("front", "back"), [("ASI", "PSI"), ("FWT", "BWT"), ("ASIS", "BackAsis")])
@@ -179,7 +196,7 @@ OPENCAP = {f"{name}_study": place for name, place in OPENCAP.items()} | {
     [
         other(KNE="{}KneeOut", WRA="{}WristIn", WRB="{}WristOut", FHD="Head{}", TOE="{}Forefoot5"),
         other(SHO="{}_SAJ", KNE="Knee_{}", WRA="Radius_{}", WRB="Ulna_{}", FHD="Head_F{}", BHD="Head_B{}"),
-        other(WRA="{}W1", WRB="{}W2", TOE="{}.TO", FHD="{}HEA"),
+        other(WRA="{}W1", WRB="{}W2", TOE="{}.TO", FHD="{}_HDF", BHD="{}_HDB"),
         body(**SIDES) | dict.fromkeys(("RLFC", "LEL"), np.full(3, np.nan)),
         body() | SHANKS,
         body() | ARMS,

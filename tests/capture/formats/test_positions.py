@@ -107,10 +107,17 @@ def test_a_missing_head_continues_the_neck_and_zeros_are_lost_but_for_hips_in_th
     head = at(clip.positions, "head") - at(clip.positions, "shoulder_center")
     assert_allclose(head, [[0, TYPICAL_BONE_METRES["head"], 0]] * 4, atol=1e-12)
     assert np.argwhere(clip.confidence == 0).tolist() == [[2, JOINT_INDEX["hand_left"]]]
+
+
+def test_a_head_at_the_hips_continues_the_neck():
+    """Also if nobody is there in most frames."""
+    poses = np.tile(PERSON[:1], (9, 1, 1))
     at(poses, "head")[:] = 0.9 * at(poses, "hip_center") + 0.1 * at(poses, "spine")
-    at_hips = clip_of(poses)
-    assert_array_equal(at_hips.positions, clip.positions)
-    assert "The head is at the hips. It continues the neck." in at_hips.notes
+    poses[4:] = np.nan
+    clip = clip_of(poses)
+    head = at(clip.positions, "head") - at(clip.positions, "shoulder_center")
+    assert_allclose(head[:4], [[0, TYPICAL_BONE_METRES["head"], 0]] * 4, atol=1e-12)
+    assert "The position of the head is at the hips. The head continues the neck." in clip.notes
 
 
 def test_a_person_without_arms_has_no_arms():
@@ -262,10 +269,19 @@ def test_a_picture_in_which_left_is_always_above_right_is_turned(sign):
 
 @pytest.mark.parametrize("lift", [0.05, -0.05])
 def test_up_in_the_picture_of_a_body_that_lies_is_up(lift):
-    """Whether the head is higher or lower than the feet."""
+    """It lies on its back, whether the head is higher or lower than the feet."""
     x, y, z = np.moveaxis(POINTS - POINTS.mean(axis=(0, 1)), 2, 0) / 4.5
-    clip = clip_of(np.stack([0.5 + y, (0.5 - z - lift * y) * 16 / 9, x], axis=2), BLAZEPOSE)
-    assert "Up is assumed to be −y, the direction from feet to head." in clip.notes
+    clip = clip_of(np.stack([0.5 + y, (0.5 + z - lift * y) * 16 / 9, -x], axis=2), BLAZEPOSE)
+    assert "Up is assumed to be −y, as in images: the body does not stand." in clip.notes
+    toes = at(clip.positions, "foot_left") - at(clip.positions, "ankle_left")
+    assert (toes[:, 1] > np.abs(toes[:, [0, 2]]).max(axis=1)).all()
+
+
+def test_an_upper_body_in_a_picture_whose_y_is_up_stands():
+    x, y, z = np.moveaxis(POINTS - POINTS.mean(axis=(0, 1)), 2, 0) / 4.5
+    picture = np.stack([0.5 + x, (0.5 + y) * 16 / 9, z], axis=2)
+    picture[:, [k for k, name in enumerate(BLAZEPOSE) if "ankle" in name or "heel" in name or "foot" in name]] = np.nan
+    assert "Up is assumed to be y, the direction from feet to head." in clip_of(picture, BLAZEPOSE).notes
 
 
 def test_a_head_without_ears_is_where_the_nose_is():

@@ -175,9 +175,10 @@ def demo_live(tmp_path_factory, own_cache, commands):
     """Run `puppetline demo --live` as the documentation says, until the tests of this module are done."""
     folder = tmp_path_factory.mktemp("live")
     with commands.start("demo", "--live", cwd=folder, stderr=subprocess.PIPE) as process:
-        line = next(line for line in process.stderr if "serving" in line or "cannot be bound" in line)
+        line = next((line for line in process.stderr if "serving" in line or "cannot be bound" in line), "")
         if "cannot be bound" in line:
             pytest.skip("another program has a default port")
+        assert "serving" in line
         rest = threading.Thread(target=process.stderr.read)
         rest.start()
         yield

@@ -134,6 +134,14 @@ def _disks_are_not_waited_for() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _no_process_has_a_low_priority() -> Iterator[None]:
+    """Tests wait for processes to which a busy machine would give no time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "setpriority", lambda *_: None)
+        yield
+
+
 @pytest.fixture(scope="session")
 def commands() -> Iterator[Commands]:
     """Start commands as processes, without loading Python and its libraries for each of them."""

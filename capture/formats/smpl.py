@@ -211,8 +211,8 @@ def positions(poses: Floats, translations: Floats) -> tuple[list[str], Floats]:
     from scipy.spatial.transform import Rotation  # importing it takes a while
 
     poses = poses[:, :22]
-    is_lost = ~np.isfinite(poses.reshape(len(poses), -1)).all(axis=1, keepdims=True)
-    poses, translations = np.where(is_lost[..., None], 0, poses), np.where(is_lost, np.nan, translations)
+    known = np.asarray(np.isfinite(poses).all(axis=(1, 2)))[:, None]
+    poses, translations = np.where(known[..., None], poses, 0), np.where(known, translations, np.nan)
     placed: dict[str, Floats] = {}
     turned: dict[str, Rotation] = {}
     for index, (joint, (parent, offset)) in enumerate(REST.items()):

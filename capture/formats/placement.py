@@ -291,8 +291,8 @@ def _up(points: Floats, options: ReadOptions, stature: float | None, weights: Fl
             body += np.nan_to_num(way / np.linalg.norm(way))
     axis = int((np.abs(body) * weights).argmax())
     in_image = np.count_nonzero(weights) == 1
-    if in_image and abs(body[axis]) < UPRIGHT * np.linalg.norm(body):
-        return -np.eye(3)[axis], f"Up is assumed to be −{'xyz'[axis]}, as in images: the body does not stand."
+    if in_image and axis == 1 and abs(body[axis]) < UPRIGHT * np.linalg.norm(body):
+        return -np.eye(3)[axis], "Up is assumed to be −y, as in images: the body does not stand."
     sign = 1.0 if body[axis] > 0 else -1.0
     name = f"{'−' if sign < 0 else ''}{'xyz'[axis]}"
     if stature is not None and not _has_floor(sign * points[..., axis] / stature, 2.0):

@@ -18,46 +18,40 @@ from capture.formats.positions import clip_of_positions
 
 Floats = NDArray[np.float64]
 
-_SIDED = {
+_MEAN = {
+    "pelvis": ("", (0.0, 0.0, 0.0)),
     "hip": ("pelvis", (0.059, -0.086, -0.016)),
+    "spine1": ("pelvis", (0.0, 0.124, -0.038)),
     "knee": ("hip", (0.043, -0.385, 0.002)),
+    "spine2": ("spine1", (0.0, 0.138, 0.027)),
     "ankle": ("knee", (-0.017, -0.424, -0.036)),
+    "spine3": ("spine2", (0.0, 0.056, 0.003)),
     "foot": ("ankle", (0.038, -0.061, 0.126)),
+    "neck": ("spine3", (0.0, 0.212, -0.034)),
     "collar": ("spine3", (0.077, 0.113, -0.021)),
+    "head": ("neck", (0.0, TYPICAL_BONE_METRES["head"], 0.0)),
     "shoulder": ("collar", (0.118, 0.046, -0.014)),
     "elbow": ("shoulder", (0.258, -0.015, -0.027)),
     "wrist": ("elbow", (0.267, 0.010, -0.007)),
     "hand": ("wrist", (0.088, -0.010, -0.013)),
 }
-_MIDDLE = {
-    "pelvis": ("", (0.0, 0.0, 0.0)),
-    "spine1": ("pelvis", (0.0, 0.124, -0.038)),
-    "spine2": ("spine1", (0.0, 0.138, 0.027)),
-    "spine3": ("spine2", (0.0, 0.056, 0.003)),
-    "neck": ("spine3", (0.0, 0.212, -0.034)),
-    "head": ("neck", (0.0, TYPICAL_BONE_METRES["head"], 0.0)),
-}
-_ORDER = "pelvis hip spine1 knee spine2 ankle spine3 foot neck collar head shoulder elbow wrist hand"
-
-
-def _rest() -> dict[str, tuple[str, tuple[float, float, float]]]:
-    """Return the joints of both sides in SMPL's order, see `REST`."""
-    rest = {}
-    for joint in _ORDER.split():
-        if joint in _MIDDLE:
-            rest[joint] = _MIDDLE[joint]
-            continue
-        parent, (x, y, z) = _SIDED[joint]
-        for side, sign in (("left", 1), ("right", -1)):
-            rest[f"{joint}_{side}"] = parent if parent in _MIDDLE else f"{parent}_{side}", (sign * x, y, z)
-    return rest
-
-
-REST = _rest()
-"""Parent of each joint, and its place in the parent's axes in the T-pose, in metres; the order is SMPL's.
+"""Joints of the middle, where x is 0, and of the left side in SMPL's order, as `REST` has them.
 
 The places are those of the mean body (Loper et al., SMPL, 2015), with equal sides and the head's middle as the head.
 """
+
+
+def _both_sides() -> dict[str, tuple[str, tuple[float, float, float]]]:
+    """Return the joints of the middle and of both sides."""
+    rest = {}
+    for joint, (parent, (x, y, z)) in _MEAN.items():
+        for side, sign in (("_left", 1), ("_right", -1)) if x else (("", 1),):
+            rest[joint + side] = parent + side if parent and _MEAN[parent][1][0] else parent, (sign * x, y, z)
+    return rest
+
+
+REST = _both_sides()
+"""Parent of each joint, and its place (3,) in the parent's axes in the T-pose, in metres; the order is SMPL's."""
 
 _POSES = (
     ("poses",),

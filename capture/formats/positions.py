@@ -261,7 +261,8 @@ def _is_origin(positions: Floats, at_origin: NDArray[np.bool_]) -> NDArray[np.bo
     is_lost = ~np.isfinite(positions).any(axis=2)
     always = np.all(at_origin | is_lost, axis=0) & np.any(at_origin, axis=0)
     others = positions[:, ~always].reshape(-1, 3)
-    is_inside = len(others) > 0 and (np.nanmin(others, axis=0) <= 0).all() and (np.nanmax(others, axis=0) >= 0).all()
+    others = others[np.isfinite(others).all(axis=1)]
+    is_inside = len(others) > 0 and (others.min(axis=0) <= 0).all() and (others.max(axis=0) >= 0).all()
     return always if np.count_nonzero(always) == 1 and is_inside else np.zeros_like(always)
 
 

@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from capture.formats import arrays, landmarks_json, smpl, table
+from puppetline.errors import SkeletonLogError
 
 from .test_arrays import npy, npz
 
@@ -86,6 +87,8 @@ def test_frames_without_rotations_are_lost(read):
     assert np.isfinite(whole.positions).all()
     assert_array_equal(np.isnan(clip.positions), np.broadcast_to(is_lost[:, None, None], clip.positions.shape))
     assert_allclose(clip.positions[~is_lost], whole.positions[~is_lost], atol=1e-12)
+    with pytest.raises(SkeletonLogError, match="none is known"), np.errstate(all="raise"):
+        read(arrays, npz(poses=FLAT * np.nan, trans=WAY))
 
 
 def test_people_of_a_document_are_performers(read):

@@ -28,10 +28,10 @@ from numpy.typing import NDArray
 from benchmarks.made_bodies import PLANS, made
 from engine_bridge.character.character import load_character
 from solver.anatomy import limb_counts
+from solver.anatomy.axes import basis_of
 from solver.anatomy.limb_counts import MEASURES, MOST, load_weights, measured, pairs_of
 from solver.anatomy.part_network import PARTS
 from solver.anatomy.solid import Solid, solid_of
-from solver.anatomy.standing import basis_of
 from solver.anatomy.voted_limbs import voted_limbs, votes_of
 
 SHAPES = Path(__file__).with_name("shapes.jsonl")

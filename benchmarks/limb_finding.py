@@ -40,8 +40,9 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial.transform import Rotation
 
 from engine_bridge.character.character import CharacterMesh, load_character, make_character
+from engine_bridge.puppet.axes_proposal import propose_axes
 from engine_bridge.puppet.limb_proposal import limb_tables
-from engine_bridge.puppet.proposal import PLACEHOLDER_HANDLES, fitting, limbs_of, stands_of
+from engine_bridge.puppet.proposal import PLACEHOLDER_HANDLES, fitting, limbs_of
 from engine_bridge.puppet.puppet import Direction
 from engine_bridge.puppet.puppet_file import check
 from engine_bridge.puppet.rig_bones import rig_bones
@@ -220,15 +221,15 @@ Finder = Callable[[CharacterMesh], Answer]
 
 def find(character: CharacterMesh) -> Answer:
     """Return the answer of `puppetline new`."""
-    rig, surface = rig_limbs(character), character.solver_mesh()
-    stands = stands_of(rig, surface, specified=rig is not None)
-    values = {"character": {"mesh": "a.glb", "up": stands.up, "front": stands.front}, "root": {}, "retarget": {}}
+    surface = character.solver_mesh()
+    axes = propose_axes(character, surface, specified=bool(character.joints))
+    values = {"character": {"mesh": "a.glb", **axes.values}, "root": {}, "retarget": {}}
     standing = check(values | {"handle": PLACEHOLDER_HANDLES}, "the proposal").character
-    limbs = limbs_of(rig, surface, standing)
+    limbs = limbs_of(axes.rig, surface, standing)
     tables = [limb.model_dump(exclude_none=True) for limb in limb_tables(limbs, standing)]
     kept = {table["name"] for table in fitting(values, tables, surface)[0]} if tables else set()
     found = Limbs(tuple(chain for chain in limbs.chains if chain.name in kept))
-    return Answer(found, stands.up, stands.front, stands.confidence)
+    return Answer(found, axes.orientation.up, axes.orientation.front, axes.orientation.confidence)
 
 
 def unnamed(character: CharacterMesh) -> CharacterMesh:

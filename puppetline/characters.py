@@ -213,6 +213,7 @@ def propose(
     body: int | None = None,
     up: Direction | None = None,
     front: Direction | None = None,
+    turn: float | None = None,
     scale: float | None = None,
     plan: BodyPlan | None = None,
     mirror: bool = False,
@@ -227,6 +228,9 @@ def propose(
         Number of the body that moves, if the mesh shows several; 0 for everything in the file. By default the first.
     up, front : "x", "-x", "y", "-y", "z" or "-z", optional
         Axes of the mesh that point up and forward; by default from its skeleton or shape.
+    turn : float, optional
+        Degrees by which the character is turned from `front` to its left; by default from its shape, or 0 if `front` is
+        given.
     scale : float, optional
         Metres per unit of the mesh; by default from the character's height.
     plan : str, optional
@@ -240,5 +244,7 @@ def propose(
     PuppetlineError
     """
     path = Path(mesh)
-    made = proposal.new_puppet(path, path, body=body, up=up, front=front, scale=scale, plan=plan, mirror=mirror)
+    made = proposal.new_puppet(
+        path, path, body=body, up=up, front=front, turn=turn, scale=scale, plan=plan, mirror=mirror
+    )
     return Character(make_prepared(made.puppet, made.character), (*made.assumed, *made.notes))

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 AXIS = click.Choice(["x", "-x", "y", "-y", "z", "-z"])
 
-BODY = "body", "up", "front", "scale", "plan", "mirror"
+BODY = "body", "up", "front", "turn", "scale", "plan", "mirror"
 """Names of the options that `body_options` adds."""
 
 body_options = options.together(
@@ -29,6 +29,12 @@ body_options = options.together(
         click.option("--up", type=AXIS, help="Axis of the mesh that points up.  [default: from its skeleton or shape]"),
         click.option(
             "--front", type=AXIS, help="Axis of the mesh that points forward.  [default: from its skeleton or shape]"
+        ),
+        click.option(
+            "--turn",
+            type=Finite(-180, 180),
+            metavar="DEGREES",
+            help="How far the character is turned from the front to its left.  [default: from its shape]",
         ),
         click.option(
             "--scale",

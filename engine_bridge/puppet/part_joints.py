@@ -20,7 +20,7 @@ from engine_bridge.character.character import CharacterMesh
 from engine_bridge.character.scene import tree, world_transforms
 from engine_bridge.puppet.joint_labels import LABEL_OF
 from engine_bridge.puppet.limb_nodes import node_labels
-from engine_bridge.puppet.skin_joints import Joint, part_nodes, parts_above
+from engine_bridge.puppet.skin_joints import STRAIGHT, Joint, part_nodes, parts_above
 from solver.anatomy.orientation import spread
 
 MAX_PARTS = 400
@@ -119,10 +119,11 @@ class _Shape:
         return np.asarray(middle + END_SHARE * toward * length * axes[0])
 
 
-def part_joints(character: CharacterMesh) -> list[Joint]:
+def part_joints(character: CharacterMesh, back: NDArray[np.float64] = STRAIGHT) -> list[Joint]:
     """Return a joint for each node of `part_nodes`, for a character without skins whose parts are not nested.
 
-    The vertices of a joint are the corners of its part's triangles.
+    The vertices of a joint are the corners of its part's triangles. Places are those of the character that `back`
+    (3, 3), a rotation, turns back to its axes.
 
     A part hangs on the one that it touches most, or that is nearest; on the one above it in the file, if it touches
     that. A limb does not hang on another one. The first part is the largest whose name says that it is the trunk, or
@@ -135,7 +136,7 @@ def part_joints(character: CharacterMesh) -> list[Joint]:
     names = _names(character, nodes)
     meanings = joint_meanings(names, [True] * len(names))
     surfaces = [
-        np.concatenate([part.vertices[part.triangles] for part in character.parts if part.node == node])
+        np.concatenate([part.vertices[part.triangles] @ back.T for part in character.parts if part.node == node])
         for node in nodes
     ]
     size = max(float(np.ptp(np.concatenate(surfaces), axis=(0, 1)).max()), 1e-12)
@@ -144,7 +145,7 @@ def part_joints(character: CharacterMesh) -> list[Joint]:
     costs[costs > 0] -= LARGE * np.maximum.outer(areas, areas)[costs > 0] / areas.sum()
     spanning = minimum_spanning_tree(csr_array(costs))
     _, parents = breadth_first_order(spanning, _first(spanning, meanings, areas), directed=False)
-    labels, origins = node_labels(character.document), world_transforms(character.document)[:, :3, 3]
+    labels, origins = node_labels(character.document), world_transforms(character.document)[:, :3, 3] @ back.T
     joints = []
     for row, (node, parent) in enumerate(zip(nodes, parents.tolist(), strict=True)):
         own = shapes[row]

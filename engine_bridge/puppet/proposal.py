@@ -15,6 +15,7 @@ from engine_bridge.character.character import CharacterMesh, load_character
 from engine_bridge.character.face_targets import morph_tables
 from engine_bridge.character.own_targets import names_of
 from engine_bridge.character.surface_document import SURFACE_FILES
+from engine_bridge.puppet.axes_proposal import MIN_OTHER_PROBABILITY, propose_axes
 from engine_bridge.puppet.body_plans import BodyPlan, check_plan, plan_of
 from engine_bridge.puppet.body_summary import body_summary
 from engine_bridge.puppet.limb_nodes import limb_nodes
@@ -22,24 +23,16 @@ from engine_bridge.puppet.limb_proposal import PERFORMER_JOINTS, end_handles, li
 from engine_bridge.puppet.placement import check_handles, check_limbs, check_on_surface
 from engine_bridge.puppet.puppet import CharacterTable, Direction, Puppet
 from engine_bridge.puppet.puppet_file import check
-from engine_bridge.puppet.rig_limbs import RigBody, rig_limbs
+from engine_bridge.puppet.rig_limbs import RigBody
 from engine_bridge.puppet.size import propose_scale
 from puppetline.errors import PuppetError, at
-from solver.anatomy.axes import unit_vector
 from solver.anatomy.bodies import STILL
 from solver.anatomy.limb_chain import Limbs
 from solver.anatomy.limb_finding import find_limbs
-from solver.anatomy.orientation import Orientation
-from solver.anatomy.standing import propose_standing
 from solver.surface.mesh import SolverMesh
 
 ENDS = ("head", "tail", "jaw", *(f"{side} {limb}" for limb in (*PERFORMER_JOINTS, "ear") for side in ("left", "right")))
 """Limbs whose ends the user may give."""
-
-AXES = "up", "front"
-
-MIN_OTHER_PROBABILITY = 0.05
-"""Minimum probability of another up or front, or of other limbs, for which there is a note."""
 
 IMPORTANCE = ("trunk", "neck", "head", "leg", "arm", "wing", "tail")
 """Kinds of limbs in the order in which they are kept, if they cannot all be as they were found; others are last."""
@@ -85,6 +78,7 @@ def new_puppet(
     ends: Mapping[str, str] = MappingProxyType({}),
     up: Direction | None = None,
     front: Direction | None = None,
+    turn: float | None = None,
     scale: float | None = None,
     mirror: bool = False,
     limbs: bool = True,
@@ -104,7 +98,7 @@ def new_puppet(
         Name of a handle or limb to "JOINT" or "JOINT,JOINT"; a limb needs one joint per point.
     ends : mapping of str
         Name of a limb to "X,Y,Z", its end. With any of them, the skeleton in the file is ignored.
-    up, front, scale
+    up, front, turn, scale
         As in the puppet file; None to find it from the file's skeleton, the shape or the body plan.
     mirror : bool
     plan : BodyPlan or None
@@ -125,7 +119,7 @@ def new_puppet(
     table: dict[str, Any] = {"mesh": Path(os.path.relpath(mesh, output.parent)).as_posix()}
     if character.still:
         table["body"] = body or 1
-    given = {"up": up, "front": front, "scale": scale}
+    given = {"up": up, "front": front, "turn": turn, "scale": scale}
     values: dict[str, Any] = {
         "character": table | {key: value for key, value in given.items() if value is not None},
         "handle": [{"name": name, "position": _numbers("--handle", name, text)} for name, text in handles.items()],
@@ -134,13 +128,13 @@ def new_puppet(
     }
     if up is not None and front is not None:
         check(values | {"handle": PLACEHOLDER_HANDLES}, where)  # refuses parallel axes first
-    rig = None if ends else rig_limbs(character, *(axis and unit_vector(axis) for axis in (up, front)))
-    stands = stands_of(rig, surface, up, front, specified=mesh.suffix.lower() not in SURFACE_FILES)
-    values["character"] = {"up": stands.up, "front": stands.front} | values["character"]
+    specified = mesh.suffix.lower() not in SURFACE_FILES
+    axes = propose_axes(character, surface, up, front, turn, skeleton=not ends, specified=specified)
+    values["character"] = axes.values | values["character"]
     standing = check(values | {"handle": PLACEHOLDER_HANDLES}, where).character
-    notes = [*_others(bodies, body or 1), *_other_axes(stands)]
+    notes = [*_others(bodies, body or 1), *axes.others]
     if places or not handles:
-        found = with_plan_of(limbs_of(rig, surface, standing, places), plan, standing.basis[1])
+        found = with_plan_of(limbs_of(axes.rig, surface, standing, places), plan, standing.basis[1])
         notes += [*found.notes, *_other_plan(found, standing.basis[1])]
         proposed = limb_tables(found, standing, _checked(plan, found)) if limbs else []
         tables = [limb.model_dump(exclude_none=True) for limb in proposed]
@@ -159,8 +153,8 @@ def new_puppet(
     size, reason = propose_scale(float(np.ptp(surface.vertices @ standing.basis[1])), plan)
     if scale is None:
         puppet = puppet.model_copy(update={"character": puppet.character.model_copy(update={"scale": size})})
-    reasons = (*stands.reasons, reason)
-    assumed = [reason for value, reason in zip(given.values(), reasons, strict=True) if value is None]
+    reasons = dict(zip(("up", "front", "scale"), (*axes.orientation.reasons, reason), strict=True))
+    assumed = [reason for name, reason in reasons.items() if given[name] is None]
     if (bodies == STILL).any():
         assumed.append("what it stands on, or what stands beside it, stays still; to move everything: --body 0")
     return Proposal(puppet, character, tuple(assumed), tuple(notes), plan)
@@ -246,42 +240,6 @@ def _is_valid(values: dict[str, Any], surface: SolverMesh) -> bool:
     except PuppetError:
         return False
     return True
-
-
-def _direction(vector: NDArray[np.float64]) -> Direction:
-    names: tuple[tuple[Direction, Direction], ...] = (("x", "-x"), ("y", "-y"), ("z", "-z"))
-    axis = int(np.abs(vector).argmax())
-    return names[axis][int(vector[axis] < 0)]
-
-
-def stands_of(
-    rig: RigBody | None, surface: SolverMesh, up: str | None = None, front: str | None = None, *, specified: bool
-) -> Orientation:
-    """Return up and front by the file's skeleton, or by the shape if there are no limbs in it.
-
-    Parameters
-    ----------
-    rig : RigBody or None
-    surface : SolverMesh
-    up, front, specified
-        See `solver.anatomy.orientation.propose`; the skeleton was read with the same axes.
-    """
-    if rig is None or not rig.limbs.chains:
-        return propose_standing(surface, up, front, specified=specified)
-    ways = [(_direction(body.up), _direction(body.front), chance) for chance, body in rig.bodies]
-    reasons = (f"{name} is {axis}, by the file's skeleton" for name, axis in zip(AXES, ways[0], strict=False))
-    return Orientation(*ways[0], tuple(reasons), tuple(ways[1:]))
-
-
-def _other_axes(stands: Orientation) -> Iterator[str]:
-    """Yield a note on another up or front, if it is likely, with the option that takes it."""
-    chosen = stands.up, stands.front
-    for *other, chance in stands.others[:1]:
-        changed = [(name, axis) for name, axis, own in zip(AXES, other, chosen, strict=True) if axis != own]
-        what = " and ".join(f"{name} is {axis}" for name, axis in changed)
-        fix = " ".join(f"--{name} {axis}" for name, axis in changed)
-        if chance >= MIN_OTHER_PROBABILITY:
-            yield f"With a probability of {chance:.0%}, {what}. If so: {fix}"
 
 
 def limbs_of(

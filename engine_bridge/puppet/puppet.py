@@ -13,7 +13,7 @@ from capture.channels import ALL_CHANNELS
 from capture.skeleton import JOINT_INDEX, JOINTS
 from capture.smoothing import Smoothing
 from puppetline.toml_schema import Kind, Table, check_distinct, mistake
-from solver.anatomy.axes import unit_vector
+from solver.anatomy.axes import basis_of, unit_vector
 from solver.model.reduced_model import ModelParameters
 from solver.model.rotations import RotationMode
 from solver.motion.limbs import TRUNK, Follow, Limb
@@ -58,12 +58,14 @@ Scale = Literal["auto"] | Annotated[Number, Field(gt=0)]
 class CharacterTable(Table):
     """[character]: the mesh's path relative to the puppet file, its orientation, and metres per mesh unit.
 
-    `body` is the number of the body that moves, if the mesh shows several, or something that stays still.
+    `turn` is the angle, in degrees, by which the character is turned from `front` to its left. `body` is the number of
+    the body that moves, if the mesh shows several, or something that stays still.
     """
 
     mesh: Text
     up: Direction = "y"
     front: Direction = "z"
+    turn: Annotated[Number, Field(ge=-180, le=180)] = 0.0
     scale: Annotated[Number, Field(gt=0)] = 1.0
     body: Annotated[Count, Field(ge=1)] | None = None
 
@@ -81,8 +83,7 @@ class CharacterTable(Table):
     @property
     def basis(self) -> NDArray[np.float64]:
         """(3, 3): rows are the mesh's directions of the character's left, up and front."""
-        up, front = (unit_vector(direction) for direction in (self.up, self.front))
-        return np.array([np.cross(up, front), up, front])
+        return basis_of(self.up, self.front, self.turn)
 
 
 Point = tuple[Number, Number, Number]

@@ -1,7 +1,7 @@
 """Limbs of a character from the skeleton in its file: from its joints, what follows them, and their names."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from engine_bridge.puppet.joint_graph import joint_graph
 from engine_bridge.puppet.joint_labels import LABEL_OF
 from engine_bridge.puppet.limb_reader import LimbReader
 from engine_bridge.puppet.part_joints import part_joints, without_ornaments
-from engine_bridge.puppet.skin_joints import Joint, are_nested, joints_of
+from engine_bridge.puppet.skin_joints import STRAIGHT, Joint, are_nested, joints_of
 from solver.anatomy.body_decision import Body, decide, load_weights
 from solver.anatomy.limb_chain import LimbChain, Limbs
 
@@ -34,7 +34,10 @@ class RigBody:
 
 
 def rig_limbs(
-    character: CharacterMesh, up: NDArray[np.float64] | None = None, front: NDArray[np.float64] | None = None
+    character: CharacterMesh,
+    up: NDArray[np.float64] | None = None,
+    front: NDArray[np.float64] | None = None,
+    back: NDArray[np.float64] = STRAIGHT,
 ) -> RigBody | None:
     """Find a character's limbs by the joints of its file's skeleton.
 
@@ -42,7 +45,10 @@ def rig_limbs(
     ----------
     character : CharacterMesh
     up, front : (3,) float64, optional
-        Known directions.
+        Known directions of the character that is turned back.
+    back : (3, 3) float64
+        Rotation that turns the character back to its axes. Directions of bodies are of the character that is turned
+        back, points of limbs are of the file.
 
     Returns
     -------
@@ -50,13 +56,19 @@ def rig_limbs(
         None if the file has no skeleton, or only parts whose names say nothing.
     """
     if character.joints:
-        return limbs_of_joints(joints_of(character), up, front)
-    parts = without_ornaments(joints_of(character) if are_nested(character) else part_joints(character))
+        return _turned(limbs_of_joints(joints_of(character, back), up, front), back)
+    parts = without_ornaments(joints_of(character, back) if are_nested(character) else part_joints(character, back))
     meanings = joint_meanings([part.name for part in parts], [True] * len(parts))
     if not any(meaning and LABEL_OF.get(meaning.part) in ("arm", "leg", "wing") for meaning in meanings):
         return None  # names of parts need not mean anything, and a face alone is no body
     found = limbs_of_joints(parts, up, front, rigid=True)
-    return found if found.limbs.chains else None
+    return _turned(found, back) if found.limbs.chains else None
+
+
+def _turned(found: RigBody, back: NDArray[np.float64]) -> RigBody:
+    """Return limbs whose points are those of the file."""
+    chains = tuple(replace(chain, points=chain.points @ back) for chain in found.limbs.chains)
+    return replace(found, limbs=replace(found.limbs, chains=chains))
 
 
 def limbs_of_joints(

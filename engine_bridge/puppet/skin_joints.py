@@ -13,6 +13,9 @@ from engine_bridge.character.document import Document
 from engine_bridge.character.scene import influences, tree, world_transforms
 from engine_bridge.puppet.limb_nodes import node_labels
 
+STRAIGHT = np.eye(3)
+"""Rotation of a character that is not turned between its axes."""
+
 
 @dataclass(frozen=True, eq=False)
 class Joint:
@@ -42,11 +45,13 @@ class Joint:
     contacts: Mapping[int, int] = field(default_factory=dict)
 
 
-def joints_of(character: CharacterMesh) -> list[Joint]:
+def joints_of(character: CharacterMesh, back: NDArray[np.float64] = STRAIGHT) -> list[Joint]:
     """Return the joints of all skins; without skins, the named nodes of a character of several parts.
 
     Vertices of a part without a skin that hangs on a joint follow this joint, if it is a part of the body: if no
     vertices with a skin follow this joint or one above it. Otherwise it is carried, as a hat or a weapon is.
+
+    Places are those of the character that `back` (3, 3), a rotation, turns back to its axes.
     """
     document = character.document
     gltf = document.gltf
@@ -73,11 +78,11 @@ def joints_of(character: CharacterMesh) -> list[Joint]:
         return joint
 
     owners = np.array([owner(node) for node in followed.tolist()])[rows]
-    places, labels = world_transforms(document)[:, :3, 3], node_labels(document)
+    places, labels = world_transforms(document)[:, :3, 3] @ back.T, node_labels(document)
     joints, contacts = [], _contacts(owners[character.triangles], len(nodes))
     for index, node in enumerate(nodes):
         name = vrm.get(node) or gltf["nodes"][node].get("name", f"node {node}")
-        vertices = character.vertices[owners == index]
+        vertices = character.vertices[owners == index] @ back.T
         joints.append(Joint(name, above[index], places[node], vertices, labels[node], contacts[index]))
     return joints
 

@@ -54,6 +54,7 @@
  * @property {[number[], number[]]} bounds
  * @property {string} up
  * @property {string} front
+ * @property {number} [turn] degrees by which the character is turned from `front` to its left
  * @property {number} metres_a_unit
  * @property {{name: string, position: number[], joints: string[]}[]} handles
  * @property {Bone[] | null} [bones] the character's own joints, parents first

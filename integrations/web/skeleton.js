@@ -107,7 +107,7 @@ export class SkeletonPose {
   #ratio = 1;
 
   /**
-   * @param {{bones?: Joint[] | null, up: string, front: string}} description of the character's scene
+   * @param {{bones?: Joint[] | null, up: string, front: string, turn?: number}} description of the character's scene
    * @param {Object3D} root of the driven model, in its rest pose
    * @param {Record<string, string>} [map] names of bones for names of joints that are not recognised
    * @throws {RangeError} a character without joints
@@ -116,7 +116,8 @@ export class SkeletonPose {
     if (!description.bones?.length) throw new RangeError("The character has no joints. Its puppet file needs a [[limb]].");
     this.joints = new Joints(description.bones);
     this.root = root;
-    const [up, front] = [AXES[description.up], AXES[description.front]];
+    const up = AXES[description.up];
+    const front = AXES[description.front].clone().applyAxisAngle(up, ((description.turn ?? 0) * Math.PI) / 180);
     this.fromCharacter = basis(up.clone().cross(front), up, front).invert();
     /** @type {Object3D[]} */
     const all = [];

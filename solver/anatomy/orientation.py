@@ -136,12 +136,12 @@ def _chances(mesh: SolverMesh) -> dict[tuple[str, str], float]:
     points, _ = sample(mesh, SAMPLE_COUNT)
     diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
     tree = scipy.spatial.cKDTree(points)
-    mirroring = [_mirroring(tree, axis, diagonal) for axis in range(3)]
+    mirrored = [mirroring(tree, axis, diagonal) for axis in np.eye(3)]
     detail = mesh.vertices.mean(axis=0) - points.mean(axis=0)
     logits = {}
     for up, front in permutations(range(3), 2):
         left = 3 - up - front
-        middle, mismatch = mirroring[left]
+        middle, mismatch = mirrored[left]
         for up_sign in (1, -1):
             for front_sign in (1, -1):
                 signs = _signs(
@@ -198,16 +198,15 @@ def _spread(left: NDArray[np.float64], front: NDArray[np.float64]) -> float:
     return float(np.sqrt(max(squared, 0.0)))
 
 
-def _mirroring(tree: "scipy.spatial.cKDTree", axis: int, diagonal: float) -> tuple[float, float]:
-    """Return the position of the middle plane along an axis, and the mean distance of mirrored points from the surface.
+def mirroring(tree: "scipy.spatial.cKDTree", normal: NDArray[np.float64], diagonal: float) -> tuple[float, float]:
+    """Return where the middle plane with a normal is, and the mean distance of mirrored points from the surface.
 
     The distance is in diagonals, at most 0.03 per point, so that a sword in one hand does not matter much.
     """
-    along = tree.data[:, axis]
+    along = tree.data @ normal
     found = []
     for middle in (0.0, along.mean(), np.median(along), (along.min() + along.max()) / 2):
-        mirrored = tree.data[::3].copy()
-        mirrored[:, axis] = 2 * middle - mirrored[:, axis]
+        mirrored = tree.data[::3] + 2 * np.outer(middle - along[::3], normal)
         distance, _ = tree.query(mirrored, distance_upper_bound=0.03 * diagonal)
         found.append((float(np.minimum(np.asarray(distance) / diagonal, 0.03).mean()), float(middle)))
     mismatch, middle = min(found)

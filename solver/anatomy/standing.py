@@ -8,7 +8,7 @@ import scipy
 from numpy.typing import NDArray
 
 from solver.anatomy import orientation
-from solver.anatomy.axes import unit_vector
+from solver.anatomy.axes import basis_of
 from solver.anatomy.orientation import Orientation
 from solver.anatomy.solid import solid_of
 from solver.anatomy.voted_limbs import votes_of
@@ -41,12 +41,6 @@ def propose_standing(
     best, *others = ((*ways[way][:2], float(chances[way])) for way in chances.argsort()[::-1].tolist())
     chosen = outline if best[:2] == ways[0][:2] else orientation.propose(mesh, *best[:2])
     return replace(chosen, confidence=best[2], others=tuple(others))
-
-
-def basis_of(up: str, front: str) -> NDArray[np.float64]:
-    """Return the directions (3, 3) of left, up and front as rows."""
-    upward, forward = unit_vector(up), unit_vector(front)
-    return np.array([np.cross(upward, forward), upward, forward])
 
 
 def standing_logits(mesh: SolverMesh, bases: Sequence[NDArray[np.float64]]) -> list[float]:

@@ -8,10 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from engine_bridge.character.character import make_character
 from engine_bridge.character.examples import prepare
 from engine_bridge.performance.exercise import random_poses
-from engine_bridge.performance.prepared_character import load_prepared
+from engine_bridge.performance.prepared_character import load_prepared, make_prepared
 from engine_bridge.performance.settings import Settings
 from engine_bridge.service.clip_export import write_clip
 from engine_bridge.service.protocol.frame import Frame
@@ -123,9 +125,14 @@ def locked_figure(own_cache, commands, played, token_file, tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def human(tmp_path_factory):
-    """The example human."""
-    _, puppet = prepare("human", tmp_path_factory.mktemp("example"))
-    return StreamedCharacter.of("figure", load_prepared(puppet))
+    """The example human, turned by 30° to its left."""
+    _, path = prepare("human", tmp_path_factory.mktemp("example"))
+    straight, turn = load_prepared(path), Rotation.from_rotvec([0, 30, 0], degrees=True)
+    mesh, puppet = straight.character, straight.puppet
+    limbs = [limb.model_copy(update={"points": tuple(map(tuple, turn.apply(limb.points)))}) for limb in puppet.limb]
+    turned = {"limb": tuple(limbs), "character": puppet.character.model_copy(update={"turn": 30.0})}
+    character = make_character("human", turn.apply(mesh.vertices), mesh.triangles)
+    return StreamedCharacter.of("figure", make_prepared(puppet.model_copy(update=turned), character))
 
 
 @pytest.fixture(scope="session")

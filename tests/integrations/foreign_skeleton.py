@@ -72,13 +72,13 @@ def foreign(names=MIXAMO):
 
 
 def directions(frame):
-    """The directions of the service's bones: head to the next joint's head, file coordinates."""
-    skeleton, found = frame.character.skeleton, {}
+    """The directions of the service's bones, to the next joint's head, along the character's left, up and front."""
+    skeleton, found, basis = frame.character.skeleton, {}, frame.character.prepared.puppet.character.basis
     moves = frame.pose.bones
     places = {joint.name: joint.head @ moves[joint.bone, :3] + moves[joint.bone, 3] for joint in skeleton.joints}
     for joint, (after, bone) in CHAINS.items():
         if after in places:
-            found[bone] = places[after] - places[joint]
+            found[bone] = basis @ (places[after] - places[joint])
     return found
 
 
@@ -97,6 +97,7 @@ def hips_place(frame):
     """Where the hips of the foreign skeleton are: they travel in proportion to the legs."""
     hips = frame.character.skeleton.joints[0]
     moved = hips.head @ frame.pose.bones[0, :3] + frame.pose.bones[0, 3] + frame.pose.root - hips.head
+    moved = frame.character.prepared.puppet.character.basis @ moved
     joints = {joint.name: joint.head for joint in frame.character.skeleton.joints}
     own = sum(np.linalg.norm(joints[a] - joints[b]) for a, b in pairwise(["leftUpperLeg", "leftLowerLeg", "leftFoot"]))
     places = [FOREIGN[f"Left{name}"][1] for name in ("UpLeg", "Leg", "Foot")]

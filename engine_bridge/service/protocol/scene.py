@@ -240,6 +240,7 @@ def describe(character: StreamedCharacter) -> dict[str, Any]:
         "bones": None if character.skeleton is None else bones(character.skeleton, puppet),
         "joints": list(JOINTS),
         "morphs": None if character.basis is None else list(character.basis.names),
+        **({"turn": puppet.character.turn} if puppet.character.turn else {}),
         **({"targets": list(puppet.targets)} if puppet.targets else {}),
         "parts": parts(prepared.character),
     }

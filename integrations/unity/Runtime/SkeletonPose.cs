@@ -55,7 +55,9 @@ namespace Puppetline
             joints = scene.Joints;
             turned = new Quaternion[joints.Count];
             jointsAtRest = AtRest(joints);
-            Vector3 up = Axis(scene.Description["up"].Text), front = Axis(scene.Description["front"].Text);
+            Vector3 up = Axis(scene.Description["up"].Text), ahead = Axis(scene.Description["front"].Text);
+            double turn = scene.Description["turn"].Number * Math.PI / 180;
+            Vector3 front = (float)Math.Cos(turn) * ahead + (float)Math.Sin(turn) * Vector3.Cross(up, ahead);
             fromCharacter = Quaternion.Inverse(Quaternion.LookRotation(front, up));
             FindBones(map);
             Names = bones.ToDictionary(each => joints[each.Joint].Name, each => each.Bone.name);

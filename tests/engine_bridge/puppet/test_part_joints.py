@@ -1,5 +1,7 @@
 """Bodies of rigid parts: what hangs on what, where it turns, and that a clip keeps it together."""
 
+from copy import deepcopy
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -58,19 +60,23 @@ character_toyArmRight -0.29 0.45 0    0.18 0.5 0.18 character_toy
 
 @pytest.fixture
 def build(glb, tmp_path):
-    """A character of boxes side by side; `origins` are those of nodes, which are else in the middle of their part."""
+    """A character of boxes side by side; `origins` are those of nodes, which are else in the middle of their part.
 
-    def make(table, order=None, origins=()):
+    All are turned about y by `turn`, in degrees.
+    """
+
+    def make(table, order=None, origins=(), turn=0):
         boxes = rows(table)
         triangles = np.array([[a, *rest] for a, b, c, d in QUADS for rest in ((b, c), (c, d))])
-        top = glb.node(name="character")
+        half, own = np.radians(turn) / 2, deepcopy(glb)
+        top = own.node(name="character", rotation=[0.0, float(np.sin(half)), 0.0, float(np.cos(half))])
         for name in order or boxes:
             numbers, _ = boxes[name]
             origin = np.array(dict(origins).get(name, numbers[:3]))
             corners = (VERTICES - 0.5) * numbers[3:] + numbers[:3] - origin
-            mesh = glb.mesh(glb.primitive(corners, triangles))
-            glb.node(mesh, parent=top, name=name, translation=origin.tolist())
-        return load_character(glb.save(tmp_path / "parts.glb"))
+            mesh = own.mesh(own.primitive(corners, triangles))
+            own.node(mesh, parent=top, name=name, translation=origin.tolist())
+        return load_character(own.save(tmp_path / "parts.glb"))
 
     return make
 

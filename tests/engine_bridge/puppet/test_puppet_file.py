@@ -17,6 +17,7 @@ mesh = "a \"dog\" \\ \u0007 é 🐕.glb"
 body = 2
 up = "-z"
 front = "x"
+turn = -30.5
 scale = 1e-300
 
 [[limb]]

@@ -2,7 +2,8 @@ import numpy as np
 from numpy.testing import assert_allclose
 
 from solver.anatomy import orientation, standing
-from solver.anatomy.standing import basis_of, propose_standing, standing_logits
+from solver.anatomy.axes import basis_of
+from solver.anatomy.standing import propose_standing, standing_logits
 
 from ..shapes import body_of
 from .test_limb_finding import FIGURE

@@ -23,6 +23,7 @@ export interface PuppetCharacter {
   readonly mesh?: string;
   readonly up?: Direction;
   readonly front?: Direction;
+  readonly turn?: number;
   readonly scale?: number;
   readonly body?: number | null;
 }

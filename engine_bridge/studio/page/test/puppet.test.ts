@@ -13,6 +13,7 @@ import {
   jawPoint,
   jointsOf,
   leftOf,
+  sidewaysAxis,
   mirror,
   move,
   otherSide,
@@ -79,6 +80,9 @@ test("a handle without a side cannot be mirrored", () => {
 test("left is up times front", () => {
   assert.deepEqual(leftOf(PUPPET), [1, 0, 0]);
   assert.deepEqual(leftOf({ character: { up: "z", front: "-y" } }), [1, 0, 0]);
+  const [x, y, z] = leftOf({ character: { up: "y", front: "z", turn: 30 } });
+  assert.ok(Math.hypot(x - Math.cos(Math.PI / 6), y, z + Math.sin(Math.PI / 6)) < 1e-12);
+  assert.equal(sidewaysAxis({ character: { up: "y", front: "z", turn: 60 } }), "-z");
 });
 
 test("without a trunk, the plane of symmetry goes through the middle of the box", () => {

@@ -272,7 +272,9 @@ namespace Puppetline.Protocol
         /// <summary>Return the direction at a right angle to an axis that is closest to the character's front.</summary>
         static double[] Within(Scene scene, double[] axis)
         {
-            double[] front = Axis(scene, "front", 2), up = Axis(scene, "up", 1);
+            double[] ahead = Axis(scene, "front", 2), up = Axis(scene, "up", 1);
+            double turn = scene.Description["turn"].Number * Math.PI / 180;
+            double[] front = Plus(Plus(new double[3], ahead, Math.Cos(turn)), Cross(up, ahead), Math.Sin(turn));
             double[] direction = Plus(front, axis, -Dot(front, axis));
             return Unit(Length(direction) >= MinProjection ? direction : Plus(up, axis, -Dot(up, axis)));
         }

@@ -201,15 +201,23 @@ export function axis(name: string): Vector {
   return name.startsWith("-") ? [-x, -y, -z] : [x, y, z];
 }
 
+/** A direction at a right angle to an axis, turned about it by degrees. */
+export function turned(direction: Vector, about: Vector, degrees: number): Vector {
+  if (degrees === 0) return direction;
+  const [cos, sin] = [Math.cos((degrees * Math.PI) / 180), Math.sin((degrees * Math.PI) / 180)];
+  return direction.map((value, at) => cos * value + sin * (cross(about, direction)[at] ?? 0)) as unknown as Vector;
+}
+
 /** The direction of the character's left, in the mesh file's coordinates. */
 export function leftOf(puppet: Puppet): Vector {
-  return cross(axis(puppet.character.up ?? "y"), axis(puppet.character.front ?? "z"));
+  const { up = "y", front = "z", turn = 0 } = puppet.character;
+  return cross(axis(up), turned(axis(front), axis(up), turn));
 }
 
 /** The name of the mesh file's axis to the character's left, about which jaws and claws open. */
 export function sidewaysAxis(puppet: Puppet): Direction {
   const left = leftOf(puppet);
-  const number = left.findIndex((value) => value !== 0);
+  const number = left.map(Math.abs).indexOf(Math.max(...left.map(Math.abs)));
   return `${(left[number] ?? 0) > 0 ? "" : "-"}${"xyz".charAt(number)}` as Direction;
 }
 

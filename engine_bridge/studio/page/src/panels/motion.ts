@@ -25,7 +25,7 @@ function body(puppet: Puppet): Node_ {
     edit({ ...puppet, retarget: { ...retarget, ...values } });
   };
   const scale = retarget.scale ?? "auto";
-  const { up = "y", front = "z" } = puppet.character;
+  const { up = "y", front = "z", turn = 0 } = puppet.character;
   const stand = (values: Puppet["character"]): void => {
     edit({ ...puppet, character: { ...puppet.character, ...values } });
   };
@@ -48,6 +48,9 @@ function body(puppet: Puppet): Node_ {
       ),
       words.frontHint,
     ),
+    slider(words.turn, turn, { min: -180, max: 180, step: 1 }, (degrees) => {
+      stand({ turn: degrees });
+    }),
     checkbox(words.mirror, retarget.mirror ?? false, (mirror) => {
       change({ mirror });
     }),

@@ -135,6 +135,7 @@ export const workshop = {
     up: "Which way is up?",
     front: "Which way does it look?",
     frontHint: "Change these if the character lies down or looks away. x, y and z are directions in its file.",
+    turn: "Turned to its left, in degrees",
     direction: (axis: string) => (axis.startsWith("-") ? `−${axis.slice(1)}` : `+${axis}`),
     mirror: "Like a mirror: your left moves its right",
     armSpace: "Room under the arms",

@@ -6,7 +6,7 @@ import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import { Character, type Client, JitterBuffer } from "../../../../../integrations/web/puppetline.js";
 import { PuppetMesh } from "../../../../../integrations/web/puppetline-three.js";
 import type { FilmCharacter, Moment } from "../messages";
-import { axis } from "../model/puppet";
+import { axis, turned } from "../model/puppet";
 import { type Vector, cross, dot } from "../model/vector";
 import { carried, nearest } from "./blend";
 
@@ -236,8 +236,9 @@ function restOf({ fields, isolines }: Scene): Frame {
 }
 
 /** The rotation that stands a mesh upright, its front towards +z. */
-function uprightOf({ description: { up, front } }: Scene): Quaternion {
-  const [y, z] = [axis(up), axis(front)];
+function uprightOf({ description: { up, front, turn = 0 } }: Scene): Quaternion {
+  const y = axis(up);
+  const z = turned(axis(front), y, turn);
   const x = cross(y, z);
   return new Quaternion().setFromRotationMatrix(new Matrix4().set(x[0], x[1], x[2], 0, y[0], y[1], y[2], 0, z[0], z[1], z[2], 0, 0, 0, 0, 1));
 }

@@ -228,7 +228,7 @@ func _read_names() -> bool:
 		)
 	_read_limbs()
 	up = _axis("up", up)
-	front = _axis("front", front)
+	front = _axis("front", front).rotated(up, deg_to_rad(_number(description.get("turn"))))
 	return _error.is_empty()
 
 

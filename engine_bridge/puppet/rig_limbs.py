@@ -10,11 +10,13 @@ from capture.bone_names import joint_meanings
 from engine_bridge.character.character import CharacterMesh
 from engine_bridge.puppet.joint_graph import joint_graph
 from engine_bridge.puppet.joint_labels import LABEL_OF
+from engine_bridge.puppet.joint_votes import JointVotes
 from engine_bridge.puppet.limb_reader import LimbReader
 from engine_bridge.puppet.part_joints import part_joints, without_ornaments
 from engine_bridge.puppet.skin_joints import STRAIGHT, Joint, are_nested, joints_of
 from solver.anatomy.body_decision import Body, decide, load_weights
 from solver.anatomy.limb_chain import LimbChain, Limbs
+from solver.surface.mesh import SolverMesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +58,9 @@ def rig_limbs(
         None if the file has no skeleton, or only parts whose names say nothing.
     """
     if character.joints:
-        return _turned(limbs_of_joints(joints_of(character, back), up, front), back)
+        surface = character.solver_mesh()
+        surface = surface if back is STRAIGHT else replace(surface, vertices=surface.vertices @ back.T)
+        return _turned(limbs_of_joints(joints_of(character, back), up, front, surface=surface), back)
     parts = without_ornaments(joints_of(character, back) if are_nested(character) else part_joints(character, back))
     meanings = joint_meanings([part.name for part in parts], [True] * len(parts))
     if not any(meaning and LABEL_OF.get(meaning.part) in ("arm", "leg", "wing") for meaning in meanings):
@@ -76,6 +80,7 @@ def limbs_of_joints(
     up: NDArray[np.float64] | None = None,
     front: NDArray[np.float64] | None = None,
     rigid: bool = False,
+    surface: SolverMesh | None = None,
 ) -> RigBody:
     """Find the limbs of a skeleton.
 
@@ -89,13 +94,18 @@ def limbs_of_joints(
         Known directions.
     rigid : bool
         Whether these are rigid parts: a single part of the trunk does not bend, and nothing is between it and a head.
+    surface : SolverMesh, optional
+        The character's, in which points tell limbs without names.
     """
     some = ", ".join(dict.fromkeys(joint.name for joint in joints[:5]))
     unknown = Limbs((), (f"The skeleton has no limbs that are known ({some}, …); limbs are found from the shape.",))
     graph = joint_graph(joints)
     if graph is None:
         return RigBody(unknown, [])
-    bodies = decide(graph.graph, load_weights("joints"), up, front)
+    ask = None
+    if surface is not None and any(len(joint.vertices) for joint in graph.joints):
+        ask = JointVotes(graph, surface)
+    bodies = decide(graph.graph, load_weights("joints"), up, front, ask)
     reader = LimbReader(graph, bodies[0][1], rigid)
     chains = tuple(
         LimbChain(name, chain.points, tuple(graph.joints[node].label for node in chain.nodes))

@@ -6,11 +6,14 @@ score: the sum of what is measured (`PAIR_MEASURES`, `SINGLE_MEASURES`), each ti
 highest sum are chosen: one pair of arms, of wings and of ears, one head and one tail, any number of legs; then all
 other pairs that are called arms or wings. To that sum comes what speaks for an orientation (`ORIENTATION_MEASURES`).
 `body_weights.toml` has the weights; they are logits, so that the sums are log odds.
+
+Where names do not tell what a pair is, points inside the character do (`solver.anatomy.part_network`): they tell a fin
+from a leg, and which way a fish swims.
 """
 
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import permutations
 from pathlib import Path
@@ -20,6 +23,7 @@ import scipy
 from numpy.typing import NDArray
 
 from solver.anatomy.body_graph import LABELS, LIMB_SHARE, BodyGraph, Pair, find_pairs
+from solver.anatomy.inside_evidence import MIN_ASKED, Inside, evidence
 from solver.anatomy.pair_shape import PAIR_LABELS, PairShape, said
 
 SINGLE_LABELS = ("head", "tail")
@@ -85,6 +89,12 @@ MIN_NAMELESS_ROWS, ROW_RATIO = 4, 0.5
 MAX_HEADS = 3
 """Number of branches in the middle that are tried as the head."""
 
+LIKELY = 4.6
+"""Maximum difference of a way's score from the highest one at which the points inside are asked about it."""
+
+STANDS_WEIGHT = 0.5
+"""Weight of the logit that a character stands in a way, by the points inside."""
+
 WEIGHTS = Path(__file__).with_name("body_weights.toml")
 
 Weights = Mapping[str, NDArray[np.float64]]
@@ -137,7 +147,11 @@ class Body:
 
 
 def decide(
-    graph: BodyGraph, weights: Weights, up: NDArray[np.float64] | None = None, front: NDArray[np.float64] | None = None
+    graph: BodyGraph,
+    weights: Weights,
+    up: NDArray[np.float64] | None = None,
+    front: NDArray[np.float64] | None = None,
+    ask: Callable[[NDArray[np.float64]], Inside] | None = None,
 ) -> list[tuple[float, Body]]:
     """Return the ways to see a body with their probabilities, the likeliest first.
 
@@ -148,16 +162,28 @@ def decide(
         Of `load_weights`.
     up, front : (3,) float64, optional
         Known directions. They are not parallel.
+    ask : callable, optional
+        Returns what points inside say, for the directions (3, 3) of left, up and front. It is called for the likely
+        ways if names do not tell what the pairs of the likeliest one are; others are left out then.
     """
     known = (up, front)
-    bodies = [
-        view.labelled(weights)
+    found = [
+        (view, view.labelled(weights))
         for view in views(graph)
         if all(given is None or given @ own > 0.5 for given, own in zip(known, (view.up, view.front), strict=True))
     ]
-    bodies.sort(key=lambda body: -body.score)
+    best, highest = max(found, key=lambda each: each[1].score)
+    if ask is not None and best.is_unnamed:
+        likely = [(view, body) for view, body in found if body.score > highest.score - LIKELY]
+        found = [(view, _asked(view, body, ask(view.axes), weights)) for view, body in likely]
+    bodies = sorted((body for _, body in found), key=lambda body: -body.score)
     odds = np.exp([body.score - bodies[0].score for body in bodies])
     return [(float(chance), body) for chance, body in zip(odds / odds.sum(), bodies, strict=True)]
+
+
+def _asked(view: "View", body: Body, inside: Inside, weights: Weights) -> Body:
+    """Return a body of a view with the labels and the score that points inside suggest."""
+    return replace(view.labelled(weights, inside), score=body.score + STANDS_WEIGHT * inside.stands)
 
 
 def views(graph: BodyGraph) -> Iterator["View"]:
@@ -201,6 +227,12 @@ class View:
         self.low, self.high = own.min(axis=0), own.max(axis=0)
         self.height = max(float(self.high[1] - self.low[1]), 1e-12)
         self._pair_measures: dict[int, NDArray[np.float64]] = {}
+
+    @property
+    def is_unnamed(self) -> bool:
+        """Whether there is a pair of which names do not tell what it is, or no pair."""
+        long = [shape for shape in self.shapes if shape.rest[0] > MIN_ASKED]
+        return not self.shapes or not all(shape.names.any() for shape in long)
 
     @cached_property
     def single_measures(self) -> NDArray[np.float64]:
@@ -253,8 +285,8 @@ class View:
         root = (shape.roots.mean(axis=0) @ self.up - self.low[1]) / self.height
         return root, -runs[:, 1].mean(), -outwards if self.mirrored else outwards, runs[:, 2].mean()
 
-    def labelled(self, weights: Weights) -> Body:
-        """Return the body with the best labels."""
+    def labelled(self, weights: Weights, inside: Inside | None = None) -> Body:
+        """Return the body with the best labels, for which points inside the character may speak, too."""
         singles = np.array([self.single_measures[:, k] @ weights[label] for k, label in enumerate(SINGLE_LABELS)]).T
         best: tuple[float, int, int, list[str | None]] = (-np.inf, -1, -1, [])
         for head in [row for row in np.argsort(-singles[:, 0])[:MAX_HEADS].tolist() if self._is_head(row)] or [-1]:
@@ -262,6 +294,8 @@ class View:
             tail = max(tails, key=lambda row: singles[row, 1], default=-1)
             measures = self.pair_measures(head)
             scores = np.array([measures[:, k] @ weights[label] for k, label in enumerate(PAIR_LABELS)]).T
+            if inside is not None and self.shapes:
+                scores += [evidence(inside, self.graph, shape) for shape in self.shapes]
             beyond_head, beyond_tail = self.beyond(head), self.beyond(tail)
             scores[np.ix_(beyond_head, np.arange(len(PAIR_LABELS)) != PAIR_LABELS.index("ear"))] = -np.inf
             scores[beyond_tail, PAIR_LABELS.index("leg")] = -np.inf  # what hangs on a tail are fins

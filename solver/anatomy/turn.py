@@ -22,7 +22,7 @@ MAX_RATIO = 0.65
 STEP, LARGEST = 5, 45
 """Step of the angles that are tried, and the largest of them, in degrees."""
 
-MIN_TURN = 8
+MIN_TURN = 12
 """Minimum turn, in degrees; a character whose pose leans a little to one side is not turned."""
 
 

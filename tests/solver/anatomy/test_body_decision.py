@@ -1,5 +1,7 @@
 """Up, front and limbs of a person are found from the graph, in any coordinates, and as far as they are known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,10 @@ from solver.anatomy.body_decision import ORIENTATION_MEASURES, decide, load_weig
 
 from ..shapes import TURNS
 from .bodies import person
+from .test_inside_evidence import said
+
+NAMED = {f"{side} {joint}": "leg" for side in ("left", "right") for joint in ("hip", "knee", "ankle", "toes")}
+"""Names of the legs, and of nothing else."""
 
 UP, FRONT = np.array([0.0, 1, 0]), np.array([0.0, 0, 1])
 
@@ -85,3 +91,34 @@ def test_wings_and_ears_by_name_are_neither_arms_nor_legs():
         told = {f"{side} {joint}": label for side in ("left", "right") for joint in ("hip", "knee", "ankle")}
         found = limbs(decide(person(votes=told)[0], WEIGHTS, UP, FRONT)[0][1], person()[1])
         assert not {(kind, "left hip", "right hip") for kind in ("leg", "arm")} & found
+
+
+def asked(votes, **chances):
+    """Decide with what points in the arms say; return what was found, and about which fronts they were asked."""
+    graph, names = person(votes=votes)
+    fronts = []
+
+    def ask(axes):
+        fronts.append(axes[2].tolist())
+        return replace(said(graph, names, 5, **chances), stands=-9.0 * axes[2, 2])
+
+    return decide(graph, WEIGHTS, UP, ask=ask), names, fronts
+
+
+def test_points_inside_tell_what_a_pair_without_a_name_is():
+    found, names, _ = asked(NAMED, wing=1.0)
+    assert limbs(found[0][1], names) == {("wing", "left arm", "right arm"), ("leg", "left hip", "right hip")}
+
+
+def test_half_of_the_logit_that_it_stands_so_is_added_to_the_likely_ways_and_others_are_left_out():
+    before = {tuple(body.front): chance for chance, body in decide(person()[0], WEIGHTS, UP)}
+    found, _, fronts = asked({})
+    after = {tuple(body.front): chance for chance, body in found}
+    assert set(after) == set(map(tuple, fronts)) == {(0, 0, 1), (1, 0, 0)}
+    ratios = [chances[0, 0, 1] / chances[1, 0, 0] for chances in (before, after)]
+    assert np.log(ratios[1]) == pytest.approx(np.log(ratios[0]) - 4.5)
+
+
+def test_points_inside_are_not_asked_if_names_tell_all_pairs():
+    votes = NAMED | {f"{side} {joint}": "arm" for side in ("left", "right") for joint in ("arm", "elbow", "wrist")}
+    assert asked(votes, wing=1.0)[2] == []

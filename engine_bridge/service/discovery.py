@@ -181,7 +181,7 @@ def find(seconds: float, addresses: Sequence[str] | None = None) -> list[Found]:
     Returns
     -------
     list of Found
-        Sorted by name.
+        Sorted by name. Services whose addresses did not arrive are left out.
 
     Raises
     ------
@@ -207,7 +207,7 @@ def find(seconds: float, addresses: Sequence[str] | None = None) -> list[Found]:
         for info in infos:
             if not info.load_from_cache(zeroconf):
                 info.request(zeroconf, 1000 * max(until - clock.now(), 0.0))
-    return [_found(info) for info in infos if info.port]
+    return [found for found in map(_found, infos) if found.port and found.addresses]
 
 
 def _found(info: "ServiceInfo") -> Found:

@@ -7,7 +7,7 @@ from unittest.mock import Mock, call
 
 import pytest
 import zeroconf
-from zeroconf import ServiceInfo
+from zeroconf import ServiceInfo, ServiceStateChange
 
 from engine_bridge.service import discovery
 from engine_bridge.service.discovery import RETRY_SECONDS, TYPE, Announcement, Found, find
@@ -78,6 +78,27 @@ def test_without_a_network_there_is_one_warning_and_it_is_tried_again(caplog, mo
     announcement._thread.join()
     assert network.call_args_list[:3] == [call(["192.0.2.77"])] * 3
     assert caplog.messages == ["could not announce the service on the network: [Errno 19] No such device"]
+
+
+def test_a_service_whose_addresses_did_not_arrive_is_left_out(monkeypatch):
+    names = [f"{name}.{TYPE}" for name in ("late", "there")]
+
+    def heard(network, of_type, handlers):
+        for name in names:
+            handlers[0](network, of_type, name, ServiceStateChange.Added)
+        return Mock()
+
+    class Known(ServiceInfo):
+        def __init__(self, of_type, name):
+            super().__init__(of_type, name, port=5, parsed_addresses=[] if name == names[0] else LOOPBACK)
+
+        def load_from_cache(self, network):
+            return network is not None
+
+    monkeypatch.setattr(zeroconf, "Zeroconf", Mock())
+    monkeypatch.setattr(zeroconf, "ServiceBrowser", heard)
+    monkeypatch.setattr(zeroconf, "ServiceInfo", Known)
+    assert [found.name for found in find(0.0, LOOPBACK)] == ["there"]
 
 
 @pytest.mark.parametrize(

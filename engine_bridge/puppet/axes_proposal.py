@@ -47,9 +47,8 @@ class ProposedAxes:
         turn = {"turn": self.turn} if self.turn else {}
         return {"up": self.orientation.up, "front": self.orientation.front, **turn}
 
-    @property
     def others(self) -> Iterator[str]:
-        """A note on another up or front, if it is likely, with the options that take it."""
+        """Yield a note on another up or front, if it is likely, with the options that take it."""
         chosen = self.orientation.up, self.orientation.front
         for *other, chance in self.orientation.others[:1]:
             changed = [(name, axis) for name, axis, own in zip(AXES, other, chosen, strict=True) if axis != own]
@@ -91,7 +90,7 @@ def propose_axes(
         axis, angle = turn_of(surface, [up] if up else ["y"] if specified else FILE_UPS)
         found = _turned_back(character, surface, (up, front), (axis, angle), skeleton, specified)
         if angle == 0 or found.orientation.up[-1] == axis[-1]:
-            return found
+            return _with_reason(found)
     straight = _turned_back(character, surface, (up, front), ("y", 0.0), skeleton, specified)
     if not turn:
         return straight
@@ -114,14 +113,19 @@ def _turned_back(
         back = Rotation.from_rotvec(-angle * unit_vector(axis), degrees=True).as_matrix()
         surface = replace(surface, vertices=surface.vertices @ back.T)
     up, front = (None if name is None else unit_vector(name) for name in known)
-    rig = rig_limbs(character, up, front, back) if skeleton else None
+    rig = rig_limbs(character, up, front, back, surface) if skeleton else None
     orientation = stands_of(rig, surface, *known, specified=specified)
-    own = angle if orientation.up == axis else -angle
-    if angle:
-        side = "left" if own > 0 else "right"
-        why = f"it is turned by {abs(own):g}° to its {side}, where its sides mirror each other"
-        orientation = replace(orientation, reasons=(*orientation.reasons[:1], f"{orientation.reasons[1]}, and {why}"))
-    return ProposedAxes(orientation, own, rig)
+    return ProposedAxes(orientation, angle if orientation.up == axis else -angle, rig)
+
+
+def _with_reason(found: ProposedAxes) -> ProposedAxes:
+    """Return axes of which the reason for the front says that the character was found to be turned, if it was."""
+    if not found.turn:
+        return found
+    up, front = found.orientation.reasons
+    side = "left" if found.turn > 0 else "right"
+    front += f", and it is turned by {abs(found.turn):g}° to its {side}, where its sides mirror each other"
+    return replace(found, orientation=replace(found.orientation, reasons=(up, front)))
 
 
 def stands_of(

@@ -132,7 +132,7 @@ def new_puppet(
     axes = propose_axes(character, surface, up, front, turn, skeleton=not ends, specified=specified)
     values["character"] = axes.values | values["character"]
     standing = check(values | {"handle": PLACEHOLDER_HANDLES}, where).character
-    notes = [*_others(bodies, body or 1), *axes.others]
+    notes = [*_others(bodies, body or 1), *axes.others()]
     if places or not handles:
         found = with_plan_of(limbs_of(axes.rig, surface, standing, places), plan, standing.basis[1])
         notes += [*found.notes, *_other_plan(found, standing.basis[1])]

@@ -40,6 +40,7 @@ def rig_limbs(
     up: NDArray[np.float64] | None = None,
     front: NDArray[np.float64] | None = None,
     back: NDArray[np.float64] = STRAIGHT,
+    surface: SolverMesh | None = None,
 ) -> RigBody | None:
     """Find a character's limbs by the joints of its file's skeleton.
 
@@ -51,6 +52,8 @@ def rig_limbs(
     back : (3, 3) float64
         Rotation that turns the character back to its axes. Directions of bodies are of the character that is turned
         back, points of limbs are of the file.
+    surface : SolverMesh, optional
+        The character's, turned back, in which points tell limbs whose names do not.
 
     Returns
     -------
@@ -58,8 +61,6 @@ def rig_limbs(
         None if the file has no skeleton, or only parts whose names say nothing.
     """
     if character.joints:
-        surface = character.solver_mesh()
-        surface = surface if back is STRAIGHT else replace(surface, vertices=surface.vertices @ back.T)
         return _turned(limbs_of_joints(joints_of(character, back), up, front, surface=surface), back)
     parts = without_ornaments(joints_of(character, back) if are_nested(character) else part_joints(character, back))
     meanings = joint_meanings([part.name for part in parts], [True] * len(parts))
@@ -95,16 +96,15 @@ def limbs_of_joints(
     rigid : bool
         Whether these are rigid parts: a single part of the trunk does not bend, and nothing is between it and a head.
     surface : SolverMesh, optional
-        The character's, in which points tell limbs without names.
+        The character's, in which points tell limbs whose names do not.
     """
     some = ", ".join(dict.fromkeys(joint.name for joint in joints[:5]))
     unknown = Limbs((), (f"The skeleton has no limbs that are known ({some}, …); limbs are found from the shape.",))
     graph = joint_graph(joints)
     if graph is None:
         return RigBody(unknown, [])
-    ask = None
-    if surface is not None and any(len(joint.vertices) for joint in graph.joints):
-        ask = JointVotes(graph, surface)
+    is_followed = any(len(joint.vertices) for joint in graph.joints)
+    ask = JointVotes(graph, surface) if surface is not None and is_followed else None
     bodies = decide(graph.graph, load_weights("joints"), up, front, ask)
     reader = LimbReader(graph, bodies[0][1], rigid)
     chains = tuple(

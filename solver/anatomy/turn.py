@@ -57,8 +57,8 @@ def turn_of(mesh: SolverMesh, ups: Sequence[str]) -> tuple[str, int]:
         straight = mismatch(up, 0)
         if straight <= MAX_STRAIGHT:
             return axis, 0
-        coarse = min(range(-LARGEST + STEP, LARGEST + 1, STEP), key=lambda angle: mismatch(up, angle))
-        angle = min(range(coarse - STEP + 1, coarse + STEP), key=lambda angle: mismatch(up, angle))
+        _, coarse = min((mismatch(up, angle), angle) for angle in range(-LARGEST + STEP, LARGEST + 1, STEP))
+        least, angle = min((mismatch(up, angle), angle) for angle in range(coarse - STEP + 1, coarse + STEP))
         if abs(angle) >= MIN_TURN:
-            best = min(best, (mismatch(up, angle) / straight, axis, angle))
+            best = min(best, (least / straight, axis, angle))
     return best[1:]

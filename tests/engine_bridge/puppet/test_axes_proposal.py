@@ -6,14 +6,10 @@ from scipy.spatial.transform import Rotation
 from engine_bridge.character.character import make_character
 from engine_bridge.puppet.axes_proposal import propose_axes
 from engine_bridge.puppet.puppet import CharacterTable
-from engine_bridge.puppet.rig_limbs import rig_limbs
 from solver.anatomy.limb_finding import find_limbs
 
 from ...solver.anatomy.test_limb_finding import FIGURE, HAND
 from ...solver.shapes import body_of
-from .test_part_joints import GIRL, build
-
-__all__ = ["build"]
 
 
 @pytest.fixture(scope="module")
@@ -35,9 +31,7 @@ def test_a_body_that_looks_between_the_axes_is_turned_and_has_its_limbs(figure):
     character = figure(-30)
     found = proposed(character)
     assert found.values == {"up": "y", "front": "z", "turn": pytest.approx(-30, abs=1)}
-    assert "it is turned by 30° to its right" in found.orientation.reasons[1].replace("29°", "30°").replace(
-        "31°", "30°"
-    )
+    assert f"it is turned by {-found.turn}° to its right" in found.orientation.reasons[1]
     basis = CharacterTable(mesh="a.glb", **found.values).basis
     hand = find_limbs(character.solver_mesh(), basis).points["left arm"][-1]
     assert_allclose(basis @ hand, HAND, atol=0.15)
@@ -49,18 +43,10 @@ def test_a_front_that_is_given_is_not_turned_but_by_the_turn_that_is_given(figur
 
 
 def test_a_turn_that_is_given_is_about_the_up_of_the_character(figure):
-    assert proposed(figure(20), turn=20).values == {"up": "y", "front": "z", "turn": 20}
+    given = proposed(figure(20), turn=20)
+    assert given.values == {"up": "y", "front": "z", "turn": 20}
+    assert "mirror" not in given.orientation.reasons[1]
     assert proposed(figure(0)).values == {"up": "y", "front": "z"}
-
-
-def test_parts_are_read_as_those_of_the_character_that_is_turned_back(build):
-    back = Rotation.from_rotvec([0, -30, 0], degrees=True).as_matrix()
-    straight = rig_limbs(build(GIRL)).limbs.points
-    found = rig_limbs(build(GIRL, turn=30), back=back)
-    assert_allclose(found.bodies[0][1].front, [0, 0, 1])
-    assert list(found.limbs.points) == list(straight)
-    for name, points in found.limbs.points.items():
-        assert_allclose(points @ back.T, straight[name], atol=1e-6, err_msg=name)
 
 
 def test_rows_of_a_basis_are_left_up_and_front_of_the_turned_character():

@@ -5,6 +5,7 @@ from copy import deepcopy
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
 
 from engine_bridge.character.character import load_character
 from engine_bridge.puppet.limb_nodes import node_labels
@@ -143,6 +144,16 @@ def test_a_body_that_is_one_part_among_marks_of_its_joints_is_none_of_parts(buil
 def test_animals_on_four_legs_look_where_their_head_is(build):
     turned = COW.replace(" 1.3  0.9 ", " 1.3 -0.9 ").replace(" 1.1 -1 ", " 1.1  1 ")
     assert (rig_limbs(build(turned)).bodies[0][1].front @ [0, 0, -1]) == 1
+
+
+def test_parts_are_read_as_those_of_the_character_that_is_turned_back(build):
+    back = Rotation.from_rotvec([0, -30, 0], degrees=True).as_matrix()
+    straight = rig_limbs(build(GIRL)).limbs.points
+    found = rig_limbs(build(GIRL, turn=30), back=back)
+    assert_allclose(found.bodies[0][1].front, [0, 0, 1])
+    assert list(found.limbs.points) == list(straight)
+    for name, points in found.limbs.points.items():
+        assert_allclose(points @ back.T, straight[name], atol=1e-6, err_msg=name)
 
 
 def test_names_that_say_nothing_leave_all_parts(build):
